@@ -1,0 +1,1 @@
+//! The tree handed out: decoding, validation, quality, file.

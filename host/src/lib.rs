@@ -1,0 +1,8 @@
+//! Optimises bounding volume hierarchies by parallel reinsertion, on any GPU and any CPU.
+//!
+//! Data flows one way: scene → triangles → boxes → Morton order → initial tree → reinsertion → best tree → report.
+
+pub mod bvh;
+pub mod device;
+pub mod report;
+pub mod scene;

@@ -1,0 +1,1 @@
+//! Scenes: files and the built-in one, as triangles.

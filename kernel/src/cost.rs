@@ -1,0 +1,55 @@
+//! Sums of half surface areas, from which the SAH cost is made.
+//!
+//! Source: MacDonald & Booth 1990; Meister & Bittner 2018, eq. 1 with c_T = 3, c_I = 2. Kind: map over fixed chunks: the host
+//! adds the partial sums in f64, so that a cost has the same bits on every device.
+
+use crate::math::umin;
+use crate::mem::{AtomicU32, Slot};
+use crate::node::Node;
+use crate::status::{self, FAULT_BROKEN_TREE};
+use bytemuck::{Pod, Zeroable};
+
+/// Nodes whose areas one invocation adds up.
+pub const COST_CHUNK: u32 = 256;
+
+/// Push constants of [`cost`].
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct CostParams {
+    /// Invocations: one per [`COST_CHUNK`] nodes.
+    pub count: u32,
+    /// First node of the sum.
+    pub first: u32,
+    /// Nodes of the sum.
+    pub nodes: u32,
+    /// Internal nodes of the tree, `n-1`.
+    pub internal: u32,
+}
+
+/// Invocation `i` adds up the half areas of 256 nodes into `partial[i]`. Reads `nodes[2n-1]` and `arrivals[n-1]` as the
+/// refit left it: an internal node that was not completed raises [`FAULT_BROKEN_TREE`] in `report`.
+#[inline(always)]
+pub fn cost(
+    i: u32,
+    params: &CostParams,
+    nodes: &[Node],
+    arrivals: &[u32],
+    partial: &[Slot<f32>],
+    report: &[AtomicU32],
+) {
+    let first = i * COST_CHUNK;
+    let end = umin(first + COST_CHUNK, params.nodes);
+    let mut sum = 0.0f32;
+    let mut broken = false;
+    for k in first..end {
+        let v = params.first + k;
+        sum += nodes[v as usize].aabb().half_area();
+        if v < params.internal && arrivals[v as usize] != 2 {
+            broken = true;
+        }
+    }
+    partial[i as usize].set(sum);
+    if broken {
+        status::raise(report, FAULT_BROKEN_TREE);
+    }
+}

@@ -1,0 +1,238 @@
+//! The table of kernels: each row makes a SPIR-V entry point, its [`KernelInfo`] and its native entry.
+//!
+//! A row names the kernel (variant of [`Kernel`] and SPIR-V entry point), its push constants, its buffers in the order of their
+//! bindings with what it may do to them (see [`crate::mem`]), and the function that one invocation runs.
+
+use crate::aabb::Aabb;
+use crate::cost::{self, CostParams};
+use crate::grid;
+use crate::lbvh::{self, HierarchyParams, LeavesParams};
+use crate::mem::{AtomicU32, AtomicU64, Slot};
+use crate::morton::{self, MortonParams};
+use crate::node::{AtomicNode, Node};
+use crate::prbvh::check::{check, check_words};
+use crate::prbvh::lock::{lock, lock_decrease, lock_input};
+use crate::prbvh::{PrbvhParams, Reinsertion, reinsert::reinsert, search::search};
+use crate::refit::{RefitParams, refit};
+use crate::setup::{self, BoundsParams, BoxesParams, Triangle};
+use crate::sort::{self, GatherParams, ScanParams, SortParams};
+use spirv_std::glam::UVec3;
+use spirv_std::spirv;
+
+macro_rules! kernels {
+    ($(
+        $variant:ident $name:ident($params:ident: $params_type:ty) [
+            $($binding:tt $buffer:ident: $view:ty),+ $(,)?
+        ] => |$i:ident| $body:expr;
+    )+) => {
+        $(
+            #[doc = concat!("SPIR-V entry point of [`Kernel::", stringify!($variant), "`].")]
+            #[spirv(compute(threads(64)))]
+            #[inline(always)]
+            pub fn $name(
+                #[spirv(global_invocation_id)] id: UVec3,
+                #[spirv(num_workgroups)] workgroups: UVec3,
+                #[spirv(push_constant)] $params: &$params_type,
+                $(#[spirv(storage_buffer, descriptor_set = 0, binding = $binding)] $buffer: $view),+
+            ) {
+                let $i = grid::linear_id(id, workgroups);
+                if $i < $params.count {
+                    $body;
+                }
+            }
+        )+
+
+        /// A kernel; see the rows of this table for what each takes.
+        #[cfg(not(target_arch = "spirv"))]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub enum Kernel {
+            $(
+                #[doc = concat!("`", stringify!($name), "`")]
+                $variant,
+            )+
+        }
+
+        #[cfg(not(target_arch = "spirv"))]
+        impl Kernel {
+            /// Every kernel.
+            pub const ALL: &'static [Self] = &[$(Self::$variant),+];
+
+            /// Name, push constants and buffers.
+            #[must_use]
+            pub const fn info(self) -> &'static crate::KernelInfo {
+                use crate::native::{BindingInfo, KernelInfo, View};
+                match self {
+                    $(
+                        Self::$variant => &KernelInfo {
+                            name: stringify!($name),
+                            push_bytes: size_of::<$params_type>(),
+                            bindings: &[$(BindingInfo {
+                                name: stringify!($buffer),
+                                access: <$view as View<'static>>::ACCESS,
+                                element_bytes: <$view as View<'static>>::ELEMENT_BYTES,
+                            }),+],
+                        },
+                    )+
+                }
+            }
+
+            /// Runs the entry natively for each of `count` invocations, in the order of the dispatcher.
+            ///
+            /// # Panics
+            /// If `push` or `buffers` are not what [`Kernel::info`] says, or if an invocation goes out of bounds.
+            pub fn run(
+                self,
+                dispatcher: &impl crate::native::Dispatcher,
+                count: u32,
+                push: &[u8],
+                buffers: Vec<crate::native::Bytes<'_>>,
+            ) {
+                use crate::native::View;
+                let info = self.info();
+                assert_eq!(buffers.len(), info.bindings.len(), "buffers of {}", info.name);
+                let mut buffers = buffers.into_iter();
+                let mut next = move || buffers.next().expect("as many buffers as bindings");
+                let workgroups = UVec3::from_array(grid::workgroups(count));
+                match self {
+                    $(
+                        Self::$variant => {
+                            let $params: &$params_type = &bytemuck::pod_read_unaligned(push);
+                            $(let $buffer = <$view as View<'_>>::bind(next());)+
+                            dispatcher.for_each(count, |i| {
+                                $name(UVec3::new(i, 0, 0), workgroups, $params, $($buffer),+);
+                            });
+                        }
+                    )+
+                }
+            }
+        }
+    };
+}
+
+kernels! {
+    SetupBoxes setup_boxes(params: BoxesParams) [
+        0 triangles: &[Triangle],
+        1 boxes: &[Slot<Aabb>],
+    ] => |i| setup::boxes(i, triangles, boxes);
+
+    SetupBounds setup_bounds(params: BoundsParams) [
+        0 boxes: &[Aabb],
+        1 united: &[Slot<Aabb>],
+    ] => |i| setup::bounds(i, params, boxes, united);
+
+    Morton30 morton_30(params: MortonParams) [
+        0 boxes: &[Aabb],
+        1 codes: &[Slot<u32>],
+        2 order: &[Slot<u32>],
+    ] => |i| morton::code_30(i, params, boxes, codes, order);
+
+    Morton60 morton_60(params: MortonParams) [
+        0 boxes: &[Aabb],
+        1 high: &[Slot<u32>],
+        2 low: &[Slot<u32>],
+        3 order: &[Slot<u32>],
+    ] => |i| morton::code_60(i, params, boxes, high, low, order);
+
+    SortCount sort_count(params: SortParams) [
+        0 keys: &[u32],
+        1 table: &[Slot<u32>],
+    ] => |i| sort::count(i, params, keys, table);
+
+    ScanSums scan_sums(params: ScanParams) [
+        0 words: &[u32],
+        1 sums: &[Slot<u32>],
+    ] => |i| sort::scan_sums(i, params, words, sums);
+
+    ScanSpine scan_spine(params: ScanParams) [
+        0 sums: &[Slot<u32>],
+    ] => |_i| sort::scan_spine(params, sums);
+
+    ScanApply scan_apply(params: ScanParams) [
+        0 sums: &[u32],
+        1 words: &[Slot<u32>],
+    ] => |i| sort::scan_apply(i, params, sums, words);
+
+    SortScatter sort_scatter(params: SortParams) [
+        0 keys: &[u32],
+        1 values: &[u32],
+        2 table: &[u32],
+        3 sorted_keys: &[Slot<u32>],
+        4 sorted_values: &[Slot<u32>],
+    ] => |i| sort::scatter(i, params, keys, values, table, sorted_keys, sorted_values);
+
+    SortGather sort_gather(params: GatherParams) [
+        0 order: &[u32],
+        1 words: &[u32],
+        2 gathered: &[Slot<u32>],
+    ] => |i| sort::gather(i, order, words, gathered);
+
+    LbvhLeaves lbvh_leaves(params: LeavesParams) [
+        0 order: &[u32],
+        1 boxes: &[Aabb],
+        2 nodes: &[AtomicNode],
+    ] => |i| lbvh::leaves(i, params, order, boxes, nodes);
+
+    LbvhHierarchy lbvh_hierarchy(params: HierarchyParams) [
+        0 high: &[u32],
+        1 low: &[u32],
+        2 nodes: &[AtomicNode],
+    ] => |i| lbvh::hierarchy(i, params, high, low, nodes);
+
+    Refit refit_climb(params: RefitParams) [
+        0 nodes: &[AtomicNode],
+        1 arrivals: &[AtomicU32],
+    ] => |i| refit(i, params, nodes, arrivals);
+
+    Cost cost_sums(params: CostParams) [
+        0 nodes: &[Node],
+        1 arrivals: &[u32],
+        2 partial: &[Slot<f32>],
+        3 report: &[AtomicU32],
+    ] => |i| cost::cost(i, params, nodes, arrivals, partial, report);
+
+    PrbvhSearch prbvh_search(params: PrbvhParams) [
+        0 nodes: &[Node],
+        1 found: &[Slot<Reinsertion>],
+        2 report: &[AtomicU32],
+    ] => |i| search(i, params, nodes, found, report);
+
+    PrbvhLock prbvh_lock(params: PrbvhParams) [
+        0 nodes: &[Node],
+        1 found: &[Reinsertion],
+        2 locks: &[AtomicU64],
+    ] => |i| lock(i, params, nodes, found, locks);
+
+    PrbvhLockDecrease prbvh_lock_decrease(params: PrbvhParams) [
+        0 nodes: &[Node],
+        1 found: &[Reinsertion],
+        2 decreases: &[AtomicU32],
+    ] => |i| lock_decrease(i, params, nodes, found, decreases);
+
+    PrbvhLockInput prbvh_lock_input(params: PrbvhParams) [
+        0 nodes: &[Node],
+        1 found: &[Reinsertion],
+        2 decreases: &[u32],
+        3 inputs: &[AtomicU32],
+    ] => |i| lock_input(i, params, nodes, found, decreases, inputs);
+
+    PrbvhCheck prbvh_check(params: PrbvhParams) [
+        0 nodes: &[Node],
+        1 locks: &[u64],
+        2 found: &[Slot<Reinsertion>],
+        3 report: &[AtomicU32],
+    ] => |i| check(i, params, nodes, locks, found, report);
+
+    PrbvhCheckWords prbvh_check_words(params: PrbvhParams) [
+        0 nodes: &[Node],
+        1 decreases: &[u32],
+        2 inputs: &[u32],
+        3 found: &[Slot<Reinsertion>],
+        4 report: &[AtomicU32],
+    ] => |i| check_words(i, params, nodes, decreases, inputs, found, report);
+
+    PrbvhReinsert prbvh_reinsert(params: PrbvhParams) [
+        0 found: &[Reinsertion],
+        1 nodes: &[AtomicNode],
+        2 report: &[AtomicU32],
+    ] => |i| reinsert(i, params, found, nodes, report);
+}

@@ -1,0 +1,44 @@
+//! Every GPU algorithm of prbvh, written once.
+//!
+//! rust-gpu compiles this crate to SPIR-V for Vulkan; the ordinary compiler builds the same functions for the CPU device
+//! (`prbvh-cpu-sim`). [`entries`] is the table of kernels: one row per kernel makes its SPIR-V entry, its description
+//! for the host ([`KernelInfo`]) and its native entry.
+//!
+//! | stage | kernels | in → out |
+//! |---|---|---|
+//! | [`setup`] | `setup_boxes`, `setup_bounds` | triangles → reference boxes → scene box |
+//! | [`morton`] | `morton_30`, `morton_60` | boxes → Morton codes |
+//! | [`sort`] | `sort_count`, `scan_*`, `sort_scatter`, `sort_gather` | codes → order of the references |
+//! | [`lbvh`] | `lbvh_leaves`, `lbvh_hierarchy` | sorted codes → links of the tree |
+//! | [`refit`] | `refit` | leaf boxes → all boxes |
+//! | [`cost`] | `cost` | boxes → partial sums of half surface areas |
+//! | [`prbvh`] | `prbvh_search`, `prbvh_lock`, `prbvh_check`, `prbvh_reinsert` | tree → better tree |
+//!
+//! # Arrays of a tree
+//! A tree over `n` references has `2n-1` nodes: internal nodes `[0, n-1)` with the root at 0, leaves `[n-1, 2n-1)`.
+//! See [`node`] for the 32 bytes of a node.
+#![cfg_attr(target_arch = "spirv", no_std)]
+#![deny(unsafe_code)]
+
+pub mod aabb;
+pub mod cost;
+pub mod entries;
+pub mod grid;
+pub mod lbvh;
+pub mod math;
+pub mod mem;
+pub mod morton;
+pub mod node;
+pub mod prbvh;
+pub mod refit;
+pub mod setup;
+pub mod sort;
+pub mod status;
+
+#[cfg(not(target_arch = "spirv"))]
+pub mod native;
+
+#[cfg(not(target_arch = "spirv"))]
+pub use entries::Kernel;
+#[cfg(not(target_arch = "spirv"))]
+pub use native::{Access, BindingInfo, KernelInfo};

@@ -1,0 +1,231 @@
+//! Memory that several invocations of one dispatch may write. The only file of the crate with `unsafe`.
+//!
+//! The type of a kernel's parameter is its concurrency contract:
+//!
+//! | parameter | in this dispatch |
+//! |---|---|
+//! | `&[T]` | nobody writes it |
+//! | `&[Slot<T>]` | element `k` is touched by one invocation only |
+//! | `&[AtomicU32]`, `&[AtomicU64]`, `&[AtomicNode](crate::node::AtomicNode)` | anybody may touch it |
+//!
+//! Natively all of them are relaxed atomics, so a broken contract is a wrong answer that a test can find, never undefined
+//! behaviour. On the GPU atomics have `QueueFamily` scope (`Device` needs one more feature), and a [`Slot`] is a plain
+//! private access: what one invocation hands to another within a dispatch must go through atomics.
+#![allow(unsafe_code, reason = "views of buffers that many invocations write; each block states its reason")]
+
+use bytemuck::Pod;
+use core::cell::UnsafeCell;
+
+#[cfg(not(target_arch = "spirv"))]
+use core::sync::atomic::{self, Ordering};
+
+/// `Scope::QueueFamily`.
+#[cfg(target_arch = "spirv")]
+const SCOPE: u32 = 5;
+/// Relaxed: `MemorySemantics::NONE`.
+#[cfg(target_arch = "spirv")]
+const RELAXED: u32 = 0;
+/// `ACQUIRE_RELEASE | UNIFORM_MEMORY | MAKE_AVAILABLE | MAKE_VISIBLE`.
+#[cfg(target_arch = "spirv")]
+const ACQUIRE_RELEASE: u32 = 0x6048;
+
+macro_rules! atomic_word {
+    ($(#[$doc:meta])* $name:ident, $int:ty, $native:ty) => {
+        $(#[$doc])*
+        #[repr(transparent)]
+        pub struct $name(UnsafeCell<$int>);
+
+        // SAFETY: every access below is atomic.
+        unsafe impl Sync for $name {}
+
+        #[cfg(not(target_arch = "spirv"))]
+        impl $name {
+            /// A shared atomic view of memory that the caller holds exclusively.
+            #[must_use]
+            pub fn from_mut_slice(words: &mut [$int]) -> &[Self] {
+                let length = words.len();
+                // SAFETY: same size and alignment (transparent), and `&mut` excludes every other view for as long as this one lives.
+                unsafe { core::slice::from_raw_parts(words.as_mut_ptr().cast::<Self>(), length) }
+            }
+
+            #[inline(always)]
+            fn native(&self) -> &$native {
+                // SAFETY: the pointer is valid and aligned for the lifetime of `self`, and all accesses are atomic.
+                unsafe { <$native>::from_ptr(self.0.get()) }
+            }
+        }
+
+        impl $name {
+            /// Relaxed load.
+            #[inline(always)]
+            pub fn load(&self) -> $int {
+                #[cfg(target_arch = "spirv")]
+                // SAFETY: an atomic access to a live element of a storage buffer.
+                return unsafe { spirv_std::arch::atomic_load::<$int, SCOPE, RELAXED>(&*self.0.get()) };
+                #[cfg(not(target_arch = "spirv"))]
+                return self.native().load(Ordering::Relaxed);
+            }
+
+            /// Relaxed store.
+            #[inline(always)]
+            pub fn store(&self, value: $int) {
+                #[cfg(target_arch = "spirv")]
+                // SAFETY: an atomic access to a live element of a storage buffer.
+                unsafe {
+                    spirv_std::arch::atomic_store::<$int, SCOPE, RELAXED>(&mut *self.0.get(), value);
+                }
+                #[cfg(not(target_arch = "spirv"))]
+                self.native().store(value, Ordering::Relaxed);
+            }
+
+            /// Relaxed maximum of unsigned words.
+            #[inline(always)]
+            pub fn max(&self, value: $int) {
+                #[cfg(target_arch = "spirv")]
+                // SAFETY: an atomic access to a live element of a storage buffer.
+                unsafe {
+                    spirv_std::arch::atomic_u_max::<$int, SCOPE, RELAXED>(&mut *self.0.get(), value);
+                }
+                #[cfg(not(target_arch = "spirv"))]
+                self.native().fetch_max(value, Ordering::Relaxed);
+            }
+        }
+    };
+}
+
+atomic_word!(
+    /// A 32-bit word that many invocations may touch.
+    AtomicU32, u32, atomic::AtomicU32
+);
+atomic_word!(
+    /// A 64-bit word that many invocations may touch (`shaderBufferInt64Atomics`).
+    AtomicU64, u64, atomic::AtomicU64
+);
+
+impl AtomicU32 {
+    /// Relaxed addition.
+    #[inline(always)]
+    pub fn add(&self, value: u32) {
+        #[cfg(target_arch = "spirv")]
+        // SAFETY: an atomic access to a live element of a storage buffer.
+        unsafe {
+            spirv_std::arch::atomic_i_add::<u32, SCOPE, RELAXED>(&mut *self.0.get(), value);
+        }
+        #[cfg(not(target_arch = "spirv"))]
+        self.native().fetch_add(value, Ordering::Relaxed);
+    }
+
+    /// Relaxed bitwise or.
+    #[inline(always)]
+    pub fn or(&self, bits: u32) {
+        #[cfg(target_arch = "spirv")]
+        // SAFETY: an atomic access to a live element of a storage buffer.
+        unsafe {
+            spirv_std::arch::atomic_or::<u32, SCOPE, RELAXED>(&mut *self.0.get(), bits);
+        }
+        #[cfg(not(target_arch = "spirv"))]
+        self.native().fetch_or(bits, Ordering::Relaxed);
+    }
+
+    /// Counts an arrival and returns how many came before. Acquires and releases: what earlier arrivals wrote through
+    /// atomics before they came is visible to the one that continues.
+    #[inline(always)]
+    pub fn arrive(&self) -> u32 {
+        #[cfg(target_arch = "spirv")]
+        // SAFETY: an atomic access to a live element of a storage buffer.
+        return unsafe { spirv_std::arch::atomic_i_add::<u32, SCOPE, ACQUIRE_RELEASE>(&mut *self.0.get(), 1) };
+        #[cfg(not(target_arch = "spirv"))]
+        return self.native().fetch_add(1, Ordering::AcqRel);
+    }
+
+    /// Relaxed load of a float stored by [`AtomicU32::store_f32`].
+    #[inline(always)]
+    pub fn load_f32(&self) -> f32 {
+        f32::from_bits(self.load())
+    }
+
+    /// Relaxed store of a float's bits.
+    #[inline(always)]
+    pub fn store_f32(&self, value: f32) {
+        self.store(value.to_bits());
+    }
+}
+
+/// An element that a single invocation of the dispatch reads and writes.
+#[repr(transparent)]
+pub struct Slot<T>(UnsafeCell<T>);
+
+// SAFETY: natively every access is a relaxed atomic of a 32-bit word; on the GPU the contract of the module holds.
+unsafe impl<T: Pod> Sync for Slot<T> {}
+
+#[cfg(target_arch = "spirv")]
+impl<T: Pod> Slot<T> {
+    /// Reads the element.
+    #[inline(always)]
+    pub fn get(&self) -> T {
+        // SAFETY: one invocation touches this element during the dispatch.
+        unsafe { *self.0.get() }
+    }
+
+    /// Writes the element.
+    #[inline(always)]
+    pub fn set(&self, value: T) {
+        // SAFETY: one invocation touches this element during the dispatch.
+        unsafe {
+            *self.0.get() = value;
+        }
+    }
+}
+
+#[cfg(not(target_arch = "spirv"))]
+impl<T: Pod> Slot<T> {
+    const WORDS: usize = {
+        assert!(size_of::<T>().is_multiple_of(4) && align_of::<T>() >= 4, "a slot is made of 32-bit words");
+        size_of::<T>() / 4
+    };
+
+    /// A view of memory that the caller holds exclusively.
+    #[must_use]
+    pub fn from_mut_slice(elements: &mut [T]) -> &[Self] {
+        let length = elements.len();
+        // SAFETY: same size and alignment (transparent), and `&mut` excludes every other view for as long as this one lives.
+        unsafe { core::slice::from_raw_parts(elements.as_mut_ptr().cast::<Self>(), length) }
+    }
+
+    #[inline(always)]
+    fn word(&self, k: usize) -> &atomic::AtomicU32 {
+        debug_assert!(k < Self::WORDS);
+        // SAFETY: word `k` lies inside the element, is 4-byte aligned, and all accesses are atomic.
+        unsafe { atomic::AtomicU32::from_ptr(self.0.get().cast::<u32>().add(k)) }
+    }
+
+    /// Reads the element.
+    #[inline(always)]
+    pub fn get(&self) -> T {
+        let mut value = T::zeroed();
+        let words: &mut [u32] = bytemuck::cast_slice_mut(core::slice::from_mut(&mut value));
+        for (k, word) in words.iter_mut().enumerate().take(Self::WORDS) {
+            *word = self.word(k).load(Ordering::Relaxed);
+        }
+        value
+    }
+
+    /// Writes the element.
+    #[inline(always)]
+    pub fn set(&self, value: T) {
+        let words: &[u32] = bytemuck::cast_slice(core::slice::from_ref(&value));
+        for (k, word) in words.iter().enumerate().take(Self::WORDS) {
+            self.word(k).store(*word, Ordering::Relaxed);
+        }
+    }
+}
+
+/// A shared view, as nodes that many invocations may touch, of memory that the caller holds exclusively.
+#[cfg(not(target_arch = "spirv"))]
+#[must_use]
+pub fn atomic_nodes(nodes: &mut [crate::node::Node]) -> &[crate::node::AtomicNode] {
+    let length = nodes.len();
+    // SAFETY: `AtomicNode` is `Node` with each of its eight words atomic (sizes asserted in `node`), and `&mut` excludes
+    // every other view for as long as this one lives.
+    unsafe { core::slice::from_raw_parts(nodes.as_mut_ptr().cast::<crate::node::AtomicNode>(), length) }
+}

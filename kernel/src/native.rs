@@ -1,0 +1,104 @@
+//! What the host and the CPU device need to know of a kernel, and how native entries get their views of memory.
+
+use crate::mem::{self, AtomicU32, AtomicU64, Slot};
+use crate::node::{AtomicNode, Node};
+use bytemuck::Pod;
+
+/// What a kernel does to a buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// Only reads it.
+    Read,
+    /// Writes it, and may read it.
+    Write,
+}
+
+/// A parameter of a kernel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BindingInfo {
+    /// Name of the parameter.
+    pub name: &'static str,
+    /// What the kernel does to the buffer.
+    pub access: Access,
+    /// Bytes of an element.
+    pub element_bytes: usize,
+}
+
+/// A kernel as the host sees it. Bindings are numbered from 0 in set 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct KernelInfo {
+    /// Name of the SPIR-V entry point.
+    pub name: &'static str,
+    /// Bytes of its push constants, whose first word is the number of invocations.
+    pub push_bytes: usize,
+    /// Its buffers.
+    pub bindings: &'static [BindingInfo],
+}
+
+/// Memory handed to a native entry.
+#[derive(Debug)]
+pub enum Bytes<'a> {
+    /// For a parameter that is only read.
+    Read(&'a [u8]),
+    /// For a parameter that is written.
+    Write(&'a mut [u8]),
+}
+
+/// Runs the invocations of a dispatch in some order.
+pub trait Dispatcher {
+    /// Calls `invocation` once for each number below `count`.
+    fn for_each(&self, count: u32, invocation: impl Fn(u32) + Sync + Send);
+}
+
+/// A parameter type of an entry.
+pub trait View<'a> {
+    /// What it allows.
+    const ACCESS: Access;
+    /// Bytes of an element.
+    const ELEMENT_BYTES: usize;
+
+    /// The view of a piece of memory.
+    ///
+    /// # Panics
+    /// If the memory is of the other access, misaligned or no whole number of elements: a mistake of the caller.
+    fn bind(bytes: Bytes<'a>) -> Self;
+}
+
+fn readable<T: Pod>(bytes: Bytes<'_>) -> &[T] {
+    match bytes {
+        Bytes::Read(bytes) => bytemuck::cast_slice(bytes),
+        Bytes::Write(_) => panic!("a buffer bound for writing is only read"),
+    }
+}
+
+fn writable<T: Pod>(bytes: Bytes<'_>) -> &mut [T] {
+    match bytes {
+        Bytes::Read(_) => panic!("a buffer bound for reading is written"),
+        Bytes::Write(bytes) => bytemuck::cast_slice_mut(bytes),
+    }
+}
+
+impl<'a, T: Pod> View<'a> for &'a [T] {
+    const ACCESS: Access = Access::Read;
+    const ELEMENT_BYTES: usize = size_of::<T>();
+    fn bind(bytes: Bytes<'a>) -> Self {
+        readable(bytes)
+    }
+}
+
+macro_rules! writable_view {
+    ($view:ty, $element:ty, $from:path $(, $generic:ident)?) => {
+        impl<'a $(, $generic: Pod)?> View<'a> for &'a [$view] {
+            const ACCESS: Access = Access::Write;
+            const ELEMENT_BYTES: usize = size_of::<$element>();
+            fn bind(bytes: Bytes<'a>) -> Self {
+                $from(writable::<$element>(bytes))
+            }
+        }
+    };
+}
+
+writable_view!(Slot<T>, T, Slot::from_mut_slice, T);
+writable_view!(AtomicU32, u32, AtomicU32::from_mut_slice);
+writable_view!(AtomicU64, u64, AtomicU64::from_mut_slice);
+writable_view!(AtomicNode, Node, mem::atomic_nodes);

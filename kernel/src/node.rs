@@ -1,0 +1,179 @@
+//! The 32 bytes of a node and how to walk a tree made of them.
+//!
+//! ```text
+//!   word   0 1 2   3    4 5 6   7
+//!          min     up   max     down
+//! ```
+//! `down` of an internal node is its left child; of a leaf it is the reference (triangle) that the leaf holds.
+//! `up` threads the tree in depth-first order, so that a walk never needs more than the line that it stands on:
+//!
+//! ```text
+//!            p                up(l) = r            "after me comes my sibling"
+//!          /   \              up(r) = p | RIGHT    "after me comes nothing below p"
+//!         l --> r             up(root) = NO_NODE
+//! ```
+//! Hence `left(p) = down(p)`, `right(p) = up(down(p))`, and the parent of a left child is one step further away.
+
+use crate::aabb::Aabb;
+use crate::mem::AtomicU32;
+use bytemuck::{Pod, Zeroable};
+
+/// Set in [`Node::up`] of a right child, whose other bits are its parent.
+pub const RIGHT: u32 = 0x8000_0000;
+
+/// No node; [`Node::up`] of the root.
+pub const NO_NODE: u32 = u32::MAX;
+
+/// The root of every tree.
+pub const ROOT: u32 = 0;
+
+/// A node of a tree under construction, 32 bytes. See the module for the links.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Node {
+    /// Smallest coordinates of the box.
+    pub min: [f32; 3],
+    /// Left child: its sibling. Right child: its parent with [`RIGHT`]. Root: [`NO_NODE`].
+    pub up: u32,
+    /// Largest coordinates of the box.
+    pub max: [f32; 3],
+    /// Internal node: its left child. Leaf: its reference.
+    pub down: u32,
+}
+
+impl Node {
+    /// The node's box.
+    #[inline(always)]
+    pub fn aabb(&self) -> Aabb {
+        Aabb { min: self.min, max: self.max }
+    }
+
+    /// Whether the node is a left child, so that `up` is its sibling.
+    #[inline(always)]
+    pub fn is_left(&self) -> bool {
+        self.up & RIGHT == 0
+    }
+
+    /// Parent of a right child; [`NO_NODE`] of the root.
+    #[inline(always)]
+    pub fn parent_of_right(&self) -> u32 {
+        parent_of_right(self.up)
+    }
+}
+
+#[inline(always)]
+fn parent_of_right(up: u32) -> u32 {
+    if up == NO_NODE { NO_NODE } else { up & !RIGHT }
+}
+
+/// A [`Node`] whose words many invocations may touch.
+#[repr(C)]
+pub struct AtomicNode {
+    min_x: AtomicU32,
+    min_y: AtomicU32,
+    min_z: AtomicU32,
+    up: AtomicU32,
+    max_x: AtomicU32,
+    max_y: AtomicU32,
+    max_z: AtomicU32,
+    down: AtomicU32,
+}
+
+const _: () = assert!(size_of::<Node>() == 32 && size_of::<AtomicNode>() == 32);
+const _: () = assert!(align_of::<Node>() == align_of::<AtomicNode>());
+
+impl AtomicNode {
+    /// The node's box.
+    #[inline(always)]
+    pub fn aabb(&self) -> Aabb {
+        Aabb {
+            min: [self.min_x.load_f32(), self.min_y.load_f32(), self.min_z.load_f32()],
+            max: [self.max_x.load_f32(), self.max_y.load_f32(), self.max_z.load_f32()],
+        }
+    }
+
+    /// Replaces the node's box.
+    #[inline(always)]
+    pub fn set_aabb(&self, aabb: Aabb) {
+        self.min_x.store_f32(aabb.min[0]);
+        self.min_y.store_f32(aabb.min[1]);
+        self.min_z.store_f32(aabb.min[2]);
+        self.max_x.store_f32(aabb.max[0]);
+        self.max_y.store_f32(aabb.max[1]);
+        self.max_z.store_f32(aabb.max[2]);
+    }
+
+    /// See [`Node::up`].
+    #[inline(always)]
+    pub fn up(&self) -> u32 {
+        self.up.load()
+    }
+
+    /// See [`Node::up`].
+    #[inline(always)]
+    pub fn set_up(&self, up: u32) {
+        self.up.store(up);
+    }
+
+    /// See [`Node::down`].
+    #[inline(always)]
+    pub fn down(&self) -> u32 {
+        self.down.load()
+    }
+
+    /// See [`Node::down`].
+    #[inline(always)]
+    pub fn set_down(&self, down: u32) {
+        self.down.store(down);
+    }
+}
+
+/// What every walk needs from an array of nodes, whether it is read-only or atomic in this dispatch.
+pub trait Links {
+    /// [`Node::up`] of node `v`.
+    fn up(&self, v: u32) -> u32;
+    /// [`Node::down`] of node `v`.
+    fn down(&self, v: u32) -> u32;
+
+    /// Right child of internal node `p`.
+    #[inline(always)]
+    fn right(&self, p: u32) -> u32 {
+        self.up(self.down(p))
+    }
+
+    /// Parent of `v`; [`NO_NODE`] of the root.
+    #[inline(always)]
+    fn parent(&self, v: u32) -> u32 {
+        let up = self.up(v);
+        if up & RIGHT == 0 { parent_of_right(self.up(up)) } else { parent_of_right(up) }
+    }
+
+    /// Other child of the parent of `v`, which is not the root.
+    #[inline(always)]
+    fn sibling(&self, v: u32) -> u32 {
+        let up = self.up(v);
+        if up & RIGHT == 0 { up } else { self.down(up & !RIGHT) }
+    }
+}
+
+impl Links for [Node] {
+    #[inline(always)]
+    fn up(&self, v: u32) -> u32 {
+        self[v as usize].up
+    }
+    #[inline(always)]
+    fn down(&self, v: u32) -> u32 {
+        self[v as usize].down
+    }
+}
+
+impl Links for [AtomicNode] {
+    #[inline(always)]
+    fn up(&self, v: u32) -> u32 {
+        self[v as usize].up()
+    }
+    #[inline(always)]
+    fn down(&self, v: u32) -> u32 {
+        self[v as usize].down()
+    }
+}

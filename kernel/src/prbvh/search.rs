@@ -1,0 +1,175 @@
+//! PRBVH search: for every input node the output node with the largest area decrease.
+//!
+//! Source: Meister & Bittner 2018, §4.1 and algorithm 1. Kind: map: invocation `i` reads `nodes[2n-1]` and writes `found[i]`.
+//!
+//! The walk needs no stack. It takes the pivots one by one, from the input's parent to the root, and visits the subtree on the
+//! other side of each in depth-first order, with `up` of a node as the way on. What differs from the published algorithm:
+//! the sum `d` starts afresh at each pivot, so that rounding does not pile up; the winner's area decrease is computed again, directly,
+//! and must exceed what rounding could have made of it; a NaN prunes; the number of steps is bounded; the pivots themselves are
+//! no candidates (as published they can never win).
+
+use super::{PrbvhParams, Reinsertion};
+use crate::aabb::Aabb;
+use crate::mem::{AtomicU32, Slot};
+use crate::node::{Links, NO_NODE, Node, ROOT};
+use crate::status::{self, FAULT_SEARCH_STEPS, FOUND, MOST_STEPS};
+
+/// A decrease must exceed this part of the areas that it was computed from, 16 roundings: below it is noise.
+pub const RELATIVE_THRESHOLD: f32 = 1.0 / (1 << 20) as f32;
+
+/// Invocation `i` searches for input node `params.input(i)`.
+#[inline(always)]
+pub fn search(i: u32, params: &PrbvhParams, nodes: &[Node], found: &[Slot<Reinsertion>], report: &[AtomicU32]) {
+    let input = params.input(i);
+    let mut best = Reinsertion::NONE;
+    if input != ROOT && input < params.nodes {
+        let (candidate, pivot) = best_output(input, params.nodes, nodes, report);
+        if candidate != NO_NODE {
+            let area_decrease = checked_area_decrease(input, candidate, pivot, nodes);
+            if area_decrease > 0.0 {
+                best = Reinsertion { area_decrease, output: candidate };
+                report[FOUND].add(1);
+            }
+        }
+    }
+    found[i as usize].set(best);
+}
+
+/// The best output node and its pivot; [`NO_NODE`] if no move promises a decrease.
+#[inline(always)]
+fn best_output(input: u32, node_count: u32, nodes: &[Node], report: &[AtomicU32]) -> (u32, u32) {
+    let internal = node_count / 2;
+    let input_box = nodes[input as usize].aabb();
+    let sibling = nodes.sibling(input);
+    let parent = nodes.parent(input);
+    let parent_area = nodes[parent as usize].aabb().half_area();
+    // No output can cost less than the input's own area.
+    let bound = parent_area - input_box.half_area();
+
+    let mut best = 0.0f32;
+    let mut output = NO_NODE;
+    let mut output_pivot = NO_NODE;
+
+    let mut pivot = parent;
+    // The subtree to search below the pivot, and the box of the pivot without the input.
+    let mut top = sibling;
+    let mut pivot_box = nodes[sibling as usize].aabb();
+    // Sum of decreases above the input up to the pivot; `d` adds the increases from the pivot down to `v`.
+    let mut d_pivot = 0.0f32;
+    let mut d = 0.0f32;
+    let mut v = sibling;
+    let mut done = false;
+    let mut steps = 0;
+
+    while !done && steps < 2 * node_count {
+        steps += 1;
+        let node = nodes[v as usize];
+        let area = node.aabb().union(input_box).half_area();
+        if v != sibling {
+            let decrease = d + (parent_area - area);
+            if decrease > best {
+                best = decrease;
+                output = v;
+                output_pivot = pivot;
+            }
+        }
+        // Written so that a NaN does not descend.
+        let d_below = d + (node.aabb().half_area() - area);
+        if v < internal && d_below + bound > best {
+            d = d_below;
+            v = node.down;
+            continue;
+        }
+        // On to the next subtree in depth-first order; each step up takes an increase back.
+        let mut up = node.up;
+        for _ in 0..node_count {
+            if v == top {
+                break;
+            }
+            if up & crate::node::RIGHT == 0 {
+                break;
+            }
+            v = up & !crate::node::RIGHT;
+            let above = nodes[v as usize];
+            d -= above.aabb().half_area() - above.aabb().union(input_box).half_area();
+            up = above.up;
+        }
+        if v != top {
+            v = up;
+            continue;
+        }
+        // The next pivot.
+        if pivot == ROOT {
+            done = true;
+        } else {
+            let pivot_node = nodes[pivot as usize];
+            if pivot != parent {
+                d_pivot += pivot_node.aabb().half_area() - pivot_box.half_area();
+            }
+            top = nodes.sibling(pivot);
+            pivot = nodes.parent(pivot);
+            pivot_box = pivot_box.union(nodes[top as usize].aabb());
+            v = top;
+            d = d_pivot;
+        }
+    }
+    if !done {
+        status::raise(report, FAULT_SEARCH_STEPS);
+    }
+    report[MOST_STEPS].max(steps);
+    (output, output_pivot)
+}
+
+/// The area decrease of a reinsertion, from its definition; 0 if rounding could account for it or if it might close a loop (see
+/// [`super`]).
+#[inline(always)]
+#[must_use]
+pub fn checked_area_decrease(input: u32, output: u32, pivot: u32, nodes: &[Node]) -> f32 {
+    let input_box = nodes[input as usize].aabb();
+    let input_area = input_box.half_area();
+    let parent = nodes.parent(input);
+    let sibling = nodes.sibling(input);
+
+    let parent_area = nodes[parent as usize].aabb().half_area();
+    let mut decrease = 0.0f32;
+    // The areas whose roundings the sums contain; an unchanged box contributes exactly 0 and no rounding.
+    let mut magnitude = parent_area;
+    if parent != pivot {
+        let mut without: Aabb = nodes[sibling as usize].aabb();
+        let mut below = parent;
+        let mut v = nodes.parent(parent);
+        while v != pivot {
+            without = without.union(nodes[nodes.sibling(below) as usize].aabb());
+            let area = nodes[v as usize].aabb().half_area();
+            let change = area - without.half_area();
+            decrease += change;
+            if change > 0.0 {
+                magnitude += area;
+            }
+            below = v;
+            v = nodes.parent(v);
+        }
+    }
+
+    let output_area = nodes[output as usize].aabb().union(input_box).half_area();
+    let mut increase = 0.0f32;
+    magnitude += output_area;
+    let mut loop_free = true;
+    let mut w = nodes.parent(output);
+    while w != pivot {
+        let w_box = nodes[w as usize].aabb();
+        let area = w_box.union(input_box).half_area();
+        let change = area - w_box.half_area();
+        increase += change;
+        if change > 0.0 {
+            magnitude += area;
+        }
+        if w != sibling && w_box.half_area() <= input_area {
+            loop_free = false;
+        }
+        w = nodes.parent(w);
+    }
+
+    let total = (parent_area - output_area) + (decrease - increase);
+    if loop_free && total > RELATIVE_THRESHOLD * magnitude { total } else { 0.0 }
+}

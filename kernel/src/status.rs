@@ -1,0 +1,28 @@
+//! What a kernel reports to the host: counts and faults, in one small buffer.
+
+use crate::mem::AtomicU32;
+
+/// Words of the report buffer.
+pub const REPORT_WORDS: u32 = 8;
+
+/// Reinsertions that the search found.
+pub const FOUND: usize = 0;
+/// Reinsertions that own all their locks.
+pub const OWNED: usize = 1;
+/// Reinsertions that changed the tree.
+pub const APPLIED: usize = 2;
+/// Fault bits: [`FAULT_SEARCH_STEPS`], [`FAULT_BROKEN_TREE`].
+pub const FAULTS: usize = 3;
+/// Most steps that a single search took.
+pub const MOST_STEPS: usize = 4;
+
+/// A search took more steps than a tree of this size has.
+pub const FAULT_SEARCH_STEPS: u32 = 1;
+/// An internal node was not completed by both of its children: the links are no tree.
+pub const FAULT_BROKEN_TREE: u32 = 2;
+
+/// Raises fault bits.
+#[inline(always)]
+pub fn raise(report: &[AtomicU32], faults: u32) {
+    report[FAULTS].or(faults);
+}
