@@ -2,7 +2,9 @@
 //!
 //! Data flows one way: scene → triangles → boxes → Morton order → initial tree → reinsertion → best tree → report.
 
+pub mod build;
 pub mod bvh;
 pub mod device;
+pub mod optimize;
 pub mod report;
 pub mod scene;

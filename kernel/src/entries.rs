@@ -15,6 +15,7 @@ use crate::prbvh::lock::{lock, lock_decrease, lock_input};
 use crate::prbvh::{PrbvhParams, Reinsertion, reinsert::reinsert, search::search};
 use crate::refit::{RefitParams, refit};
 use crate::setup::{self, BoundsParams, BoxesParams, Triangle};
+use crate::snapshot::{self, NodeLinks, SnapshotParams};
 use crate::sort::{self, GatherParams, ScanParams, SortParams};
 use spirv_std::glam::UVec3;
 use spirv_std::spirv;
@@ -235,4 +236,14 @@ kernels! {
         1 nodes: &[AtomicNode],
         2 report: &[AtomicU32],
     ] => |i| reinsert(i, params, found, nodes, report);
+
+    SnapshotSave snapshot_save(params: SnapshotParams) [
+        0 nodes: &[Node],
+        1 links: &[Slot<NodeLinks>],
+    ] => |i| snapshot::save(i, nodes, links);
+
+    SnapshotRestore snapshot_restore(params: SnapshotParams) [
+        0 links: &[NodeLinks],
+        1 nodes: &[AtomicNode],
+    ] => |i| snapshot::restore(i, links, nodes);
 }

@@ -13,6 +13,7 @@
 //! | [`refit`] | `refit` | leaf boxes → all boxes |
 //! | [`cost`] | `cost` | boxes → partial sums of half surface areas |
 //! | [`prbvh`] | `prbvh_search`, `prbvh_lock`, `prbvh_check`, `prbvh_reinsert` | tree → better tree |
+//! | [`snapshot`] | `snapshot_save`, `snapshot_restore` | links ↔ best links |
 //!
 //! # Arrays of a tree
 //! A tree over `n` references has `2n-1` nodes: internal nodes `[0, n-1)` with the root at 0, leaves `[n-1, 2n-1)`.
@@ -32,6 +33,7 @@ pub mod node;
 pub mod prbvh;
 pub mod refit;
 pub mod setup;
+pub mod snapshot;
 pub mod sort;
 pub mod status;
 

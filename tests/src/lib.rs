@@ -1,1 +1,3 @@
-//! todo
+//! Fixtures, oracles and comparers shared by the tests.
+
+pub mod fixtures;

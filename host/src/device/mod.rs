@@ -1,5 +1,6 @@
 //! Where kernels run. An algorithm records dispatches ([`Recording`]) and hands them to a [`Device`]; it never knows which.
 
+pub mod cpu;
 pub mod record;
 pub mod vulkan;
 

@@ -1,0 +1,111 @@
+//! Buffers: aligned to cache lines, and borrow-checked while a dispatch runs.
+
+use bytemuck::{Pod, Zeroable};
+use std::cell::{Ref, RefCell, RefMut};
+
+/// Number of a buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct BufferId(pub u32);
+
+/// The system refused memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the system refused {bytes} bytes")]
+pub struct AllocationRefused {
+    /// Size of the buffer.
+    pub bytes: usize,
+}
+
+/// A cache line, so that a 32-byte node never lies in two.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C, align(64))]
+struct Line([u8; 64]);
+
+#[derive(Debug)]
+struct Buffer {
+    lines: Vec<Line>,
+    bytes: usize,
+}
+
+impl Buffer {
+    fn bytes(&self) -> &[u8] {
+        &bytemuck::cast_slice(&self.lines)[..self.bytes]
+    }
+
+    fn bytes_mut(&mut self) -> &mut [u8] {
+        let bytes = self.bytes;
+        &mut bytemuck::cast_slice_mut(&mut self.lines)[..bytes]
+    }
+}
+
+#[derive(Debug, Default)]
+pub(crate) struct Arena {
+    buffers: Vec<RefCell<Option<Buffer>>>,
+}
+
+impl Arena {
+    pub(crate) fn allocate(&mut self, bytes: usize) -> Result<BufferId, AllocationRefused> {
+        let count = bytes.div_ceil(size_of::<Line>());
+        let mut lines = Vec::new();
+        lines.try_reserve_exact(count).map_err(|_| AllocationRefused { bytes })?;
+        lines.resize(count, Line::zeroed());
+        let buffer = RefCell::new(Some(Buffer { lines, bytes }));
+        let free = self.buffers.iter().position(|slot| slot.borrow().is_none());
+        let id = free.unwrap_or(self.buffers.len());
+        if free.is_some() {
+            self.buffers[id] = buffer;
+        } else {
+            self.buffers.push(buffer);
+        }
+        Ok(BufferId(u32::try_from(id).expect("fewer than 2^32 buffers")))
+    }
+
+    pub(crate) fn free(&mut self, buffer: BufferId) {
+        self.buffers[buffer.0 as usize] = RefCell::new(None);
+    }
+
+    pub(crate) fn read(&self, buffer: BufferId, name: &str) -> Ref<'_, [u8]> {
+        let guard = self.buffers[buffer.0 as usize]
+            .try_borrow()
+            .unwrap_or_else(|_| panic!("`{name}` is bound for reading and for writing in one dispatch"));
+        Ref::map(guard, |slot| slot.as_ref().unwrap_or_else(|| panic!("`{name}` is a freed buffer")).bytes())
+    }
+
+    pub(crate) fn write(&self, buffer: BufferId, name: &str) -> RefMut<'_, [u8]> {
+        let guard = self.buffers[buffer.0 as usize]
+            .try_borrow_mut()
+            .unwrap_or_else(|_| panic!("`{name}` is bound twice in one dispatch"));
+        RefMut::map(guard, |slot| slot.as_mut().unwrap_or_else(|| panic!("`{name}` is a freed buffer")).bytes_mut())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn buffers_are_zeroed_aligned_and_reused() {
+        let mut arena = Arena::default();
+        let first = arena.allocate(100).unwrap();
+        assert_eq!(arena.read(first, "first").len(), 100);
+        assert_eq!(arena.read(first, "first").as_ptr() as usize % 64, 0);
+        arena.write(first, "first").fill(7);
+        arena.free(first);
+        let second = arena.allocate(3).unwrap();
+        assert_eq!(second, first);
+        assert_eq!(&*arena.read(second, "second"), &[0, 0, 0]);
+    }
+
+    #[test]
+    fn refused_memory_is_an_error() {
+        assert_eq!(Arena::default().allocate(isize::MAX as usize).unwrap_err().bytes, isize::MAX as usize);
+    }
+
+    #[test]
+    #[should_panic(expected = "`nodes` is bound for reading and for writing in one dispatch")]
+    fn a_buffer_bound_for_reading_and_writing_is_refused_by_name() {
+        let mut arena = Arena::default();
+        let buffer = arena.allocate(4).unwrap();
+        let _writing = arena.write(buffer, "boxes");
+        let _reading = arena.read(buffer, "nodes");
+    }
+}

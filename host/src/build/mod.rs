@@ -1,0 +1,118 @@
+//! Initial trees.
+
+mod lbvh;
+mod sort;
+
+pub use lbvh::{MortonBits, lbvh};
+
+use crate::device::{Buffer, Device, DeviceError, DeviceInfo, Recording};
+use prbvh_kernel::Kernel;
+use prbvh_kernel::node::Node;
+use prbvh_kernel::refit::RefitParams;
+
+/// A tree on a device: `2n-1` nodes in the form of [`prbvh_kernel::node`].
+#[derive(Debug)]
+pub struct DeviceTree {
+    /// References (triangles), `n`.
+    pub references: u32,
+    /// The nodes.
+    pub nodes: Buffer,
+}
+
+impl DeviceTree {
+    /// Nodes of a tree over `references` references.
+    #[must_use]
+    pub fn node_count(references: u32) -> u32 {
+        2 * references - 1
+    }
+
+    /// Copies the nodes out.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn download(&self, device: &mut dyn Device) -> Result<Vec<Node>, DeviceError> {
+        let mut nodes = vec![bytemuck::Zeroable::zeroed(); self.nodes.length];
+        device.download(&self.nodes, bytemuck::cast_slice_mut(&mut nodes))?;
+        Ok(nodes)
+    }
+
+    /// Puts a tree that was made elsewhere on the device.
+    ///
+    /// # Errors
+    /// If the device fails.
+    ///
+    /// # Panics
+    /// If `nodes` has not the odd length of a tree.
+    pub fn upload(device: &mut dyn Device, nodes: &[Node]) -> Result<Self, DeviceError> {
+        assert!(nodes.len() % 2 == 1, "a binary tree has an odd number of nodes");
+        let buffer = device.allocate("nodes", nodes.len(), size_of::<Node>())?;
+        device.upload(&buffer, bytemuck::cast_slice(nodes))?;
+        let references = u32::try_from(nodes.len().div_ceil(2)).expect("node indices have 32 bits");
+        Ok(Self { references, nodes: buffer })
+    }
+
+    /// Gives the memory back.
+    pub fn free(self, device: &mut dyn Device) {
+        device.free(self.nodes);
+    }
+}
+
+/// Largest number of triangles: node indices have 31 bits.
+pub const MAX_TRIANGLES: usize = 1 << 30;
+
+/// Refuses a scene that does not fit the device, before anything is allocated.
+///
+/// # Errors
+/// [`DeviceError::Limit`] with the limit's name, what is needed and what there is.
+pub fn check_limits(info: &DeviceInfo, triangles: usize) -> Result<(), DeviceError> {
+    let limit = |what: &str, name, need, have| {
+        if need > have && have > 0 {
+            let what = format!("{what} of {triangles} triangles");
+            Err(DeviceError::Limit { what, name, need, have, device: info.name.clone() })
+        } else {
+            Ok(())
+        }
+    };
+    limit("a tree", "31-bit node indices (triangles)", triangles as u64, MAX_TRIANGLES as u64)?;
+    let node_bytes = 2 * triangles as u64 * size_of::<Node>() as u64;
+    limit("the tree", info.max_buffer_limit, node_bytes, info.max_buffer_bytes)?;
+    limit("the optimiser's buffers", "device memory", triangles as u64 * BYTES_PER_TRIANGLE, info.memory_bytes)
+}
+
+/// Device memory at its peak, bytes per triangle: the tree and the largest working set beside it.
+pub const BYTES_PER_TRIANGLE: u64 = 124;
+
+/// Counters that a refit over `n` references needs; not 0, since no buffer may be empty.
+pub(crate) fn arrivals_length(n: u32) -> usize {
+    (n as usize - 1).max(1)
+}
+
+/// Records the recomputation of all boxes. `arrivals` ends as 2 everywhere if the nodes are a tree.
+pub(crate) fn record_refit(recording: &mut Recording, n: u32, nodes: &Buffer, arrivals: &Buffer) {
+    recording.clear("refit", arrivals);
+    recording.dispatch("refit", Kernel::Refit, n, &RefitParams { count: n }, &[nodes, arrivals]);
+}
+
+/// Buffers that live as long as one stage.
+#[derive(Debug, Default)]
+pub(crate) struct Scratch(Vec<Buffer>);
+
+impl Scratch {
+    pub(crate) fn allocate(
+        &mut self,
+        device: &mut dyn Device,
+        label: &'static str,
+        length: usize,
+        element_bytes: usize,
+    ) -> Result<Buffer, DeviceError> {
+        let buffer = device.allocate(label, length, element_bytes)?;
+        self.0.push(buffer.clone());
+        Ok(buffer)
+    }
+
+    pub(crate) fn free(self, device: &mut dyn Device) {
+        for buffer in self.0 {
+            device.free(buffer);
+        }
+    }
+}

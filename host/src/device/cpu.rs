@@ -1,0 +1,103 @@
+//! The kernels on the CPU, behind the same interface as a GPU.
+
+use super::{Buffer, Command, Device, DeviceError, DeviceInfo, DeviceKind, MemoryUse, Recording, Timing};
+use prbvh_cpu_sim::{BufferId, CpuSim, Order};
+use std::time::Instant;
+
+/// The CPU as a device.
+#[derive(Debug)]
+pub struct CpuDevice {
+    sim: CpuSim,
+    info: DeviceInfo,
+    memory: MemoryUse,
+}
+
+impl CpuDevice {
+    /// The production device: `threads` threads, 0 for one per core.
+    ///
+    /// # Errors
+    /// If the system refuses the threads.
+    pub fn new(threads: usize) -> Result<Self, DeviceError> {
+        Self::with_order(Order::Parallel, threads)
+    }
+
+    /// A device that runs the invocations of each dispatch in a given order.
+    ///
+    /// # Errors
+    /// If the system refuses the threads.
+    pub fn with_order(order: Order, threads: usize) -> Result<Self, DeviceError> {
+        let sim = CpuSim::new(order, threads).map_err(|error| DeviceError::NoDevice(error.to_string()))?;
+        let threads = sim.threads();
+        let info = DeviceInfo {
+            name: format!("CPU, {threads} thread{}", if threads == 1 { "" } else { "s" }),
+            kind: DeviceKind::Cpu,
+            driver: format!("native kernels, {} {}", std::env::consts::ARCH, std::env::consts::OS),
+            max_buffer_bytes: isize::MAX as u64,
+            max_buffer_limit: "address space",
+            memory_bytes: 0,
+            atomics_64: true,
+            busy_invocations: u32::try_from(threads * 8).unwrap_or(u32::MAX),
+        };
+        Ok(Self { sim, info, memory: MemoryUse::default() })
+    }
+}
+
+fn id(buffer: &Buffer) -> BufferId {
+    BufferId(buffer.id)
+}
+
+impl Device for CpuDevice {
+    fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    fn allocate(&mut self, label: &'static str, length: usize, element_bytes: usize) -> Result<Buffer, DeviceError> {
+        let refused = || DeviceError::OutOfMemory {
+            what: label.to_owned(),
+            bytes: length as u64 * element_bytes as u64,
+            device: self.info.name.clone(),
+        };
+        let bytes = length.checked_mul(element_bytes).ok_or_else(refused)?;
+        let BufferId(id) = self.sim.allocate(bytes).map_err(|_| refused())?;
+        self.memory.bytes += bytes as u64;
+        self.memory.peak_bytes = self.memory.peak_bytes.max(self.memory.bytes);
+        Ok(Buffer { id, label, length, element_bytes })
+    }
+
+    fn free(&mut self, buffer: Buffer) {
+        self.sim.free(id(&buffer));
+        self.memory.bytes -= buffer.bytes();
+    }
+
+    fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
+        self.sim.bytes_mut(id(buffer))[..bytes.len()].copy_from_slice(bytes);
+        Ok(())
+    }
+
+    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
+        bytes.copy_from_slice(&self.sim.bytes(id(buffer))[..bytes.len()]);
+        Ok(())
+    }
+
+    fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
+        let timed = |(label, command): &(&'static str, Command)| {
+            let start = Instant::now();
+            match command {
+                Command::Dispatch(dispatch) => {
+                    let buffers: Vec<BufferId> = dispatch.buffers.iter().map(id).collect();
+                    self.sim.dispatch(dispatch.kernel, dispatch.count, &dispatch.push, &buffers);
+                }
+                Command::Clear(buffer) => self.sim.bytes_mut(id(buffer)).fill(0),
+                Command::Copy { from, to } => {
+                    self.sim.bytes_mut(id(to)).copy_from_slice(&self.sim.bytes(id(from)));
+                }
+            }
+            Timing { label, seconds: start.elapsed().as_secs_f64() }
+        };
+        Ok(recording.commands().iter().map(timed).collect())
+    }
+
+    fn memory(&self) -> MemoryUse {
+        self.memory
+    }
+}

@@ -1,0 +1,201 @@
+//! When to search more nodes, and when to stop (Meister & Bittner 2018, §4.4).
+
+use super::IterationRow;
+use serde::Serialize;
+use std::time::Duration;
+
+/// A change of the SAH cost that counts as none.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Epsilon {
+    /// As a part of the initial cost.
+    Relative(f64),
+    /// In the unit of the cost; the paper has 0.1.
+    Absolute(f64),
+}
+
+/// Settings of the optimiser.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PrbvhSettings {
+    /// Every `mu`-th node is searched, another set each iteration; at least 1. Falls to 1 as the cost settles.
+    pub mu: u32,
+    /// A smaller change of the cost ends the search with this `mu`.
+    pub epsilon: Epsilon,
+    /// Most iterations.
+    pub max_iterations: u32,
+    /// No iteration starts after this wall time.
+    pub max_time: Option<Duration>,
+    /// Iterations without a new best tree, by more than `epsilon`, that end the search with this `mu`: the published rule can cycle for
+    /// ever.
+    pub patience: u32,
+}
+
+impl Default for PrbvhSettings {
+    fn default() -> Self {
+        Self { mu: 9, epsilon: Epsilon::Relative(1e-4), max_iterations: 1000, max_time: None, patience: 20 }
+    }
+}
+
+/// Why the optimiser stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StopReason {
+    /// The cost no longer changes by more than epsilon with µ = 1, or nothing moves.
+    Converged,
+    /// The most iterations were done.
+    MaxIterations,
+    /// The time was up.
+    MaxTime,
+    /// The caller asked to stop.
+    Cancelled,
+    /// A kernel reported a fault; the best tree before it was kept.
+    Fault(u32),
+}
+
+impl std::fmt::Display for StopReason {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Converged => f.write_str("converged"),
+            Self::MaxIterations => f.write_str("iteration limit"),
+            Self::MaxTime => f.write_str("time limit"),
+            Self::Cancelled => f.write_str("cancelled"),
+            Self::Fault(bits) => write!(f, "fault {bits:#x} in a kernel"),
+        }
+    }
+}
+
+/// The state of the rule.
+#[derive(Debug)]
+pub(super) struct Schedule {
+    epsilon: f64,
+    patience: u32,
+    max_iterations: u32,
+    max_time: Option<Duration>,
+    mu: u32,
+    cost: f64,
+    best: f64,
+    since_best: u32,
+}
+
+impl Schedule {
+    pub(super) fn new(settings: &PrbvhSettings, initial_cost: f64) -> Self {
+        let epsilon = match settings.epsilon {
+            Epsilon::Relative(part) => part * initial_cost,
+            Epsilon::Absolute(change) => change,
+        };
+        Self {
+            epsilon,
+            patience: settings.patience.max(1),
+            max_iterations: settings.max_iterations,
+            max_time: settings.max_time,
+            mu: settings.mu.max(1),
+            cost: initial_cost,
+            best: initial_cost,
+            since_best: 0,
+        }
+    }
+
+    /// Every `mu`-th node is searched next.
+    pub(super) fn mu(&self) -> u32 {
+        self.mu
+    }
+
+    /// Whether a limit forbids another iteration.
+    pub(super) fn limit(&self, iterations: u32, elapsed: Duration) -> Option<StopReason> {
+        if iterations >= self.max_iterations {
+            Some(StopReason::MaxIterations)
+        } else if self.max_time.is_some_and(|limit| elapsed >= limit) {
+            Some(StopReason::MaxTime)
+        } else {
+            None
+        }
+    }
+
+    /// Takes note of an iteration; says whether it was the last.
+    pub(super) fn note(&mut self, row: &IterationRow) -> Option<StopReason> {
+        let change = (self.cost - row.cost).abs();
+        self.cost = row.cost;
+        self.since_best += 1;
+        if row.cost < self.best - self.epsilon {
+            self.since_best = 0;
+            self.best = row.cost;
+        }
+        // Written so that a NaN settles.
+        let settled = !(change > self.epsilon) || self.since_best >= self.patience;
+        if self.mu == 1 && (settled || row.applied == 0) {
+            return Some(StopReason::Converged);
+        }
+        if settled {
+            self.mu -= 1;
+            self.since_best = 0;
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(cost: f64, applied: u32) -> IterationRow {
+        IterationRow {
+            iteration: 0,
+            mu: 0,
+            time_s: 0.0,
+            device_s: 0.0,
+            cost,
+            found: applied,
+            owned: applied,
+            applied,
+            most_steps: 0,
+        }
+    }
+
+    fn schedule(mu: u32, epsilon: Epsilon, patience: u32) -> Schedule {
+        Schedule::new(&PrbvhSettings { mu, epsilon, patience, ..PrbvhSettings::default() }, 100.0)
+    }
+
+    #[test]
+    fn mu_falls_by_one_when_the_cost_settles_and_the_end_comes_at_one() {
+        let mut rule = schedule(3, Epsilon::Absolute(0.1), 20);
+        assert_eq!(rule.note(&row(90.0, 5)), None);
+        assert_eq!(rule.mu(), 3);
+        assert_eq!(rule.note(&row(89.95, 5)), None);
+        assert_eq!(rule.mu(), 2);
+        assert_eq!(rule.note(&row(89.95, 0)), None);
+        assert_eq!(rule.mu(), 1);
+        assert_eq!(rule.note(&row(80.0, 5)), None);
+        assert_eq!(rule.note(&row(79.95, 5)), Some(StopReason::Converged));
+    }
+
+    #[test]
+    fn epsilon_may_be_a_part_of_the_initial_cost() {
+        let mut rule = schedule(1, Epsilon::Relative(1e-2), 20);
+        assert_eq!(rule.note(&row(98.9, 1)), None);
+        assert_eq!(rule.note(&row(98.0, 1)), Some(StopReason::Converged));
+    }
+
+    #[test]
+    fn a_limit_cycle_ends() {
+        let mut rule = schedule(2, Epsilon::Absolute(0.1), 6);
+        let ended = (0..100).find(|k| rule.note(&row(if k % 2 == 0 { 99.0 } else { 100.0 }, 2)).is_some());
+        assert!(ended.is_some_and(|k| k < 20), "{ended:?}");
+    }
+
+    #[test]
+    fn a_cost_that_is_no_number_ends() {
+        let mut rule = schedule(2, Epsilon::Absolute(0.1), 6);
+        assert_eq!(rule.note(&row(f64::NAN, 2)), None);
+        assert_eq!(rule.note(&row(f64::NAN, 2)), Some(StopReason::Converged));
+    }
+
+    #[test]
+    fn limits_are_asked_before_an_iteration() {
+        let settings =
+            PrbvhSettings { max_iterations: 3, max_time: Some(Duration::from_secs(1)), ..PrbvhSettings::default() };
+        let rule = Schedule::new(&settings, 1.0);
+        assert_eq!(rule.limit(2, Duration::from_millis(999)), None);
+        assert_eq!(rule.limit(3, Duration::ZERO), Some(StopReason::MaxIterations));
+        assert_eq!(rule.limit(0, Duration::from_secs(1)), Some(StopReason::MaxTime));
+    }
+}
