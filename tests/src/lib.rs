@@ -1,3 +1,6 @@
 //! Fixtures, oracles and comparers shared by the tests.
 
+pub mod compare;
+pub mod devices;
 pub mod fixtures;
+pub mod oracle;

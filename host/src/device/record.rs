@@ -83,8 +83,23 @@ impl Recording {
         params: &P,
         buffers: &[&Buffer],
     ) {
+        self.dispatch_bytes(label, kernel, count, bytemuck::bytes_of(params), buffers);
+    }
+
+    /// Adds a dispatch whose push constants are bytes already.
+    ///
+    /// # Panics
+    /// As [`Recording::dispatch`].
+    pub fn dispatch_bytes(
+        &mut self,
+        label: &'static str,
+        kernel: Kernel,
+        count: u32,
+        push: &[u8],
+        buffers: &[&Buffer],
+    ) {
         let info = kernel.info();
-        assert_eq!(size_of::<P>(), info.push_bytes, "push constants of {}", info.name);
+        assert_eq!(push.len(), info.push_bytes, "push constants of {}", info.name);
         assert_eq!(buffers.len(), info.bindings.len(), "buffers of {}", info.name);
         for (buffer, binding) in buffers.iter().zip(info.bindings) {
             assert_eq!(
@@ -94,7 +109,7 @@ impl Recording {
             );
         }
         let buffers = buffers.iter().map(|&buffer| buffer.clone()).collect();
-        let push = bytemuck::bytes_of(params).to_vec();
+        let push = push.to_vec();
         self.commands.push((label, Command::Dispatch(Dispatch { kernel, count, push, buffers })));
     }
 
