@@ -133,6 +133,14 @@ pub enum DeviceError {
         /// Name of the device.
         device: String,
     },
+    /// A buffer is not of this device, or too small for the bytes: a mistake of the caller.
+    #[error("buffer {label}: {problem}")]
+    Buffer {
+        /// Label of the buffer.
+        label: &'static str,
+        /// What is wrong.
+        problem: String,
+    },
     /// There is no such device.
     #[error("{0}")]
     NoDevice(String),

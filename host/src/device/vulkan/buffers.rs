@@ -1,0 +1,102 @@
+//! The buffers of a device, by the number in their handle.
+
+use super::logical::LogicalDevice;
+use super::memory::{Access, Allocation, Purpose};
+use crate::device::{Buffer, DeviceError, MemoryUse};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// Allocations beside the buffers: the staging buffer and, while it grows, its successor.
+const OTHER_ALLOCATIONS: u64 = 2;
+
+/// The buffers of a device.
+pub(super) struct Buffers {
+    device: Arc<LogicalDevice>,
+    access: Access,
+    live: HashMap<u32, (Buffer, Allocation)>,
+    next_id: u32,
+    memory: MemoryUse,
+}
+
+impl Buffers {
+    /// No buffers yet.
+    pub(super) fn new(device: &Arc<LogicalDevice>, access: Access) -> Self {
+        Self { device: Arc::clone(device), access, live: HashMap::new(), next_id: 0, memory: MemoryUse::default() }
+    }
+
+    /// A buffer whose content is not defined yet, and its handle.
+    pub(super) fn allocate(
+        &mut self,
+        label: &'static str,
+        length: usize,
+        element_bytes: usize,
+    ) -> Result<(Buffer, &mut Allocation), DeviceError> {
+        let what = format!("buffer {label}");
+        let bytes = (length as u64).saturating_mul(element_bytes as u64);
+        self.check_limits(&what, bytes)?;
+        let allocation = Allocation::new(&self.device, &what, bytes, Purpose::Storage(self.access))?;
+
+        let buffer = Buffer { id: self.next_id, label, length, element_bytes };
+        self.next_id = self.next_id.wrapping_add(1);
+        self.memory.bytes += bytes;
+        self.memory.peak_bytes = self.memory.peak_bytes.max(self.memory.bytes);
+        let (_, allocation) = self.live.entry(buffer.id).insert_entry((buffer.clone(), allocation)).into_mut();
+        Ok((buffer, allocation))
+    }
+
+    fn check_limits(&self, what: &str, bytes: u64) -> Result<(), DeviceError> {
+        let summary = &self.device.physical().summary;
+        let allocations = self.live.len() as u64 + 1 + OTHER_ALLOCATIONS;
+        [
+            ("maxStorageBufferRange", bytes, summary.max_storage_buffer_range),
+            ("maxMemoryAllocationSize", bytes, summary.max_memory_allocation_size),
+            ("maxMemoryAllocationCount", allocations, summary.max_memory_allocation_count.into()),
+        ]
+        .into_iter()
+        .find(|&(_, need, have)| have < need)
+        .map_or(Ok(()), |(name, need, have)| {
+            Err(DeviceError::Limit { what: what.to_owned(), name, need, have, device: summary.name.clone() })
+        })
+    }
+
+    /// Gives the memory back; does nothing for a buffer that is not of this device.
+    pub(super) fn free(&mut self, buffer: &Buffer) {
+        if self.find(buffer).is_ok()
+            && let Some((_, allocation)) = self.live.remove(&buffer.id)
+        {
+            self.memory.bytes -= allocation.bytes();
+        }
+    }
+
+    /// The memory behind a handle.
+    pub(super) fn find(&self, buffer: &Buffer) -> Result<&Allocation, DeviceError> {
+        match self.live.get(&buffer.id) {
+            Some((own, allocation)) if own == buffer => Ok(allocation),
+            _ => Err(not_here(buffer)),
+        }
+    }
+
+    /// The memory behind a handle, of which the first `bytes` bytes are wanted.
+    pub(super) fn find_mut(&mut self, buffer: &Buffer, bytes: usize) -> Result<&mut Allocation, DeviceError> {
+        match self.live.get_mut(&buffer.id) {
+            Some((own, allocation)) if own == buffer => {
+                if bytes as u64 <= allocation.bytes() {
+                    Ok(allocation)
+                } else {
+                    let problem = format!("{bytes} bytes wanted, but it has {}", allocation.bytes());
+                    Err(DeviceError::Buffer { label: buffer.label, problem })
+                }
+            }
+            _ => Err(not_here(buffer)),
+        }
+    }
+
+    /// Bytes in buffers, as they were asked for.
+    pub(super) fn memory(&self) -> MemoryUse {
+        self.memory
+    }
+}
+
+fn not_here(buffer: &Buffer) -> DeviceError {
+    DeviceError::Buffer { label: buffer.label, problem: "it is not, or no longer, a buffer of this device".to_owned() }
+}

@@ -1,0 +1,174 @@
+//! The Vulkan library and an instance of it.
+
+use super::error::Call;
+use super::messages::Messages;
+use crate::device::DeviceError;
+use ash::{ext, khr, vk};
+use std::ffi::{CStr, c_char};
+use std::sync::{Arc, OnceLock};
+
+/// The version that the modules of the kernels are made for.
+pub(super) const API_VERSION: u32 = vk::API_VERSION_1_2;
+
+const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// What to do on a machine without a driver.
+const INSTALL_DRIVER: &str = "install the GPU's driver or, to run on the CPU, Mesa's lavapipe \
+                              (Debian and Ubuntu: apt-get install mesa-vulkan-drivers)";
+
+/// An instance, with the messages of the validation layer.
+pub(super) struct Instance {
+    raw: ash::Instance,
+    messenger: Option<Messenger>,
+    // Declared last: the layer may report while the instance is destroyed.
+    messages: Arc<Messages>,
+}
+
+struct Messenger {
+    functions: ext::debug_utils::Instance,
+    raw: vk::DebugUtilsMessengerEXT,
+}
+
+impl Instance {
+    /// An instance that sees every driver, under the validation layer if `validate`.
+    pub(super) fn new(validate: bool) -> Result<Self, DeviceError> {
+        let entry = entry()?;
+        let extensions = Extensions::of(entry, None)?;
+        let portability = extensions.has(khr::portability_enumeration::NAME);
+        let mut enabled = Vec::new();
+        let mut layers = Vec::new();
+        let mut synchronisation = false;
+        if portability {
+            enabled.push(khr::portability_enumeration::NAME.as_ptr());
+        }
+        if validate {
+            require_validation_layer(entry)?;
+            let of_layer = Extensions::of(entry, Some(VALIDATION_LAYER))?;
+            layers.push(VALIDATION_LAYER.as_ptr());
+            enabled.push(ext::debug_utils::NAME.as_ptr());
+            synchronisation = of_layer.has(ext::validation_features::NAME);
+            if synchronisation {
+                enabled.push(ext::validation_features::NAME.as_ptr());
+            }
+        }
+
+        let messages = Arc::new(Messages::default());
+        let raw = create(entry, &enabled, &layers, portability, synchronisation, validate.then_some(&messages))?;
+        let mut instance = Self { raw, messenger: None, messages };
+        if validate {
+            let functions = ext::debug_utils::Instance::new(entry, &instance.raw);
+            // SAFETY: the extension is enabled, and the messages outlive the messenger (see `drop`).
+            let raw = unsafe { functions.create_debug_utils_messenger(&instance.messages.create_info(), None) }
+                .call("vkCreateDebugUtilsMessengerEXT")?;
+            instance.messenger = Some(Messenger { functions, raw });
+        }
+        Ok(instance)
+    }
+
+    /// The functions of the instance.
+    pub(super) fn raw(&self) -> &ash::Instance {
+        &self.raw
+    }
+
+    /// What the validation layer said.
+    pub(super) fn messages(&self) -> &Arc<Messages> {
+        &self.messages
+    }
+
+    /// Every device that the drivers offer; at least one.
+    pub(super) fn physical_devices(&self) -> Result<Vec<vk::PhysicalDevice>, DeviceError> {
+        // SAFETY: the instance is alive.
+        let devices = unsafe { self.raw.enumerate_physical_devices() }.call("vkEnumeratePhysicalDevices")?;
+        if devices.is_empty() { Err(no_driver()) } else { Ok(devices) }
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        if let Some(Messenger { functions, raw }) = &self.messenger {
+            // SAFETY: made from this instance, and nobody else has it.
+            unsafe { functions.destroy_debug_utils_messenger(*raw, None) };
+        }
+        // SAFETY: whatever was made from the instance keeps it alive through an `Arc`, so it is gone by now.
+        unsafe { self.raw.destroy_instance(None) };
+    }
+}
+
+/// The Vulkan library. It stays loaded to the end of the process: drivers may leave threads behind that run its code.
+fn entry() -> Result<&'static ash::Entry, DeviceError> {
+    static ENTRY: OnceLock<ash::Entry> = OnceLock::new();
+    if let Some(entry) = ENTRY.get() {
+        return Ok(entry);
+    }
+    // SAFETY: loads the system's Vulkan library, whose initialisation has no preconditions.
+    let loaded = unsafe { ash::Entry::load() }
+        .map_err(|error| DeviceError::NoDevice(format!("no Vulkan library ({error}): {INSTALL_DRIVER}")))?;
+    Ok(ENTRY.get_or_init(|| loaded))
+}
+
+fn no_driver() -> DeviceError {
+    DeviceError::NoDevice(format!("no Vulkan driver: {INSTALL_DRIVER}"))
+}
+
+fn require_validation_layer(entry: &ash::Entry) -> Result<(), DeviceError> {
+    // SAFETY: the library is loaded.
+    let layers = unsafe { entry.enumerate_instance_layer_properties() }.call("vkEnumerateInstanceLayerProperties")?;
+    if layers.iter().any(|layer| layer.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
+        return Ok(());
+    }
+    Err(DeviceError::Validation(format!(
+        "the layer {} is not installed (Debian and Ubuntu: apt-get install vulkan-validationlayers)",
+        VALIDATION_LAYER.to_string_lossy()
+    )))
+}
+
+/// Extensions that the loader and the drivers, or a layer, offer.
+struct Extensions(Vec<vk::ExtensionProperties>);
+
+impl Extensions {
+    fn of(entry: &ash::Entry, layer: Option<&CStr>) -> Result<Self, DeviceError> {
+        // SAFETY: the library is loaded.
+        unsafe { entry.enumerate_instance_extension_properties(layer) }
+            .call("vkEnumerateInstanceExtensionProperties")
+            .map(Self)
+    }
+
+    fn has(&self, name: &CStr) -> bool {
+        self.0.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name))
+    }
+}
+
+fn create(
+    entry: &ash::Entry,
+    extensions: &[*const c_char],
+    layers: &[*const c_char],
+    portability: bool,
+    synchronisation: bool,
+    messages: Option<&Arc<Messages>>,
+) -> Result<ash::Instance, DeviceError> {
+    let application = vk::ApplicationInfo::default().application_name(c"prbvh").api_version(API_VERSION);
+    let flags =
+        if portability { vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR } else { vk::InstanceCreateFlags::empty() };
+    let mut info = vk::InstanceCreateInfo::default()
+        .flags(flags)
+        .application_info(&application)
+        .enabled_extension_names(extensions)
+        .enabled_layer_names(layers);
+
+    // The messenger of the chain reports on the creation and the end of the instance itself.
+    let mut messenger = messages.map(|messages| messages.create_info());
+    if let Some(messenger) = &mut messenger {
+        info = info.push_next(messenger);
+    }
+    let checks = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+    let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
+    if synchronisation {
+        info = info.push_next(&mut features);
+    }
+
+    // SAFETY: names and chain live through the call; the caller keeps the messages alive as long as the instance.
+    match unsafe { entry.create_instance(&info, None) } {
+        Err(vk::Result::ERROR_INCOMPATIBLE_DRIVER) => Err(no_driver()),
+        result => result.call("vkCreateInstance"),
+    }
+}

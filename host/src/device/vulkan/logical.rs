@@ -1,0 +1,117 @@
+//! An opened device and its queue.
+
+use super::error::Call;
+use super::instance::Instance;
+use super::limits::PhysicalDevice;
+use super::messages::Messages;
+use crate::device::DeviceError;
+use ash::{khr, vk};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// An opened device. Every object made from it holds an `Arc` of it, so it goes last.
+pub(super) struct LogicalDevice {
+    raw: ash::Device,
+    queue: vk::Queue,
+    physical: PhysicalDevice,
+    atomics_64: bool,
+    abandoned: AtomicBool,
+    instance: Arc<Instance>,
+}
+
+impl LogicalDevice {
+    /// Opens a device that lacks nothing, with 64-bit atomics if it has them and `atomics_64` allows them.
+    pub(super) fn new(
+        instance: Arc<Instance>,
+        physical: PhysicalDevice,
+        atomics_64: bool,
+    ) -> Result<Arc<Self>, DeviceError> {
+        physical.summary.require_usable()?;
+        let atomics_64 = atomics_64 && physical.summary.shader_buffer_int64_atomics;
+
+        let mut extensions = Vec::new();
+        if has_portability_subset(&instance, physical.raw)? {
+            // A device that has this extension must be opened with it.
+            extensions.push(khr::portability_subset::NAME.as_ptr());
+        }
+        let queues =
+            [vk::DeviceQueueCreateInfo::default().queue_family_index(physical.queue_family).queue_priorities(&[1.0])];
+        let mut features_12 = vk::PhysicalDeviceVulkan12Features::default()
+            .vulkan_memory_model(true)
+            .shader_buffer_int64_atomics(atomics_64);
+        let mut features = vk::PhysicalDeviceFeatures2::default()
+            .features(vk::PhysicalDeviceFeatures::default().shader_int64(atomics_64))
+            .push_next(&mut features_12);
+        let info = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_extension_names(&extensions)
+            .push_next(&mut features);
+
+        // SAFETY: family, features and extensions are those that the device has, and live through the call.
+        let raw = unsafe { instance.raw().create_device(physical.raw, &info, None) }.call("vkCreateDevice")?;
+        // SAFETY: the device was made with one queue of this family.
+        let queue = unsafe { raw.get_device_queue(physical.queue_family, 0) };
+        Ok(Arc::new(Self { raw, queue, physical, atomics_64, abandoned: AtomicBool::new(false), instance }))
+    }
+
+    /// The functions of the device.
+    pub(super) fn raw(&self) -> &ash::Device {
+        &self.raw
+    }
+
+    /// The queue. Only one thread at a time may use it: the `&mut` of the submitter sees to that.
+    pub(super) fn queue(&self) -> vk::Queue {
+        self.queue
+    }
+
+    /// What the device is.
+    pub(super) fn physical(&self) -> &PhysicalDevice {
+        &self.physical
+    }
+
+    /// Whether 64-bit integers and atomics are in use.
+    pub(super) fn atomics_64(&self) -> bool {
+        self.atomics_64
+    }
+
+    /// What the validation layer said.
+    pub(super) fn messages(&self) -> &Arc<Messages> {
+        self.instance.messages()
+    }
+
+    /// Gives up on work that does not end. The device may use its objects for ever, so none is destroyed any more.
+    pub(super) fn abandon(&self) {
+        self.abandoned.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether work was given up on.
+    pub(super) fn is_abandoned(&self) -> bool {
+        self.abandoned.load(Ordering::Relaxed)
+    }
+
+    /// Destroys an object, unless work that may use it was given up on.
+    pub(super) fn release(&self, destroy: impl FnOnce(&ash::Device)) {
+        if !self.is_abandoned() {
+            destroy(&self.raw);
+        }
+    }
+}
+
+impl Drop for LogicalDevice {
+    fn drop(&mut self) {
+        if self.is_abandoned() {
+            // The device stays, so what it was made from must stay.
+            std::mem::forget(Arc::clone(&self.instance));
+        } else {
+            // SAFETY: every object of the device held an `Arc` of it and is gone, and no work is left on its queue.
+            unsafe { self.raw.destroy_device(None) };
+        }
+    }
+}
+
+fn has_portability_subset(instance: &Instance, device: vk::PhysicalDevice) -> Result<bool, DeviceError> {
+    // SAFETY: the device comes from this instance.
+    let extensions = unsafe { instance.raw().enumerate_device_extension_properties(device) }
+        .call("vkEnumerateDeviceExtensionProperties")?;
+    Ok(extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(khr::portability_subset::NAME)))
+}

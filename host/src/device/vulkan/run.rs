@@ -1,0 +1,153 @@
+//! Turns a recording into one submission.
+
+use super::buffers::Buffers;
+use super::descriptors::{Bindings, DescriptorSets};
+use super::logical::LogicalDevice;
+use super::pipeline::{Handles, Pipelines};
+use super::submit::{Submitter, barrier_between};
+use super::timestamps::Timestamps;
+use crate::device::{Command, DeviceError, Dispatch, Recording, Timing};
+use ash::vk;
+use prbvh_kernel::{Kernel, grid};
+use std::sync::Arc;
+
+/// What recordings need beside their buffers.
+pub(super) struct Runner {
+    pipelines: Pipelines,
+    sets: DescriptorSets,
+    timestamps: Option<Timestamps>,
+}
+
+/// A command with its handles, all alive until the run has ended.
+enum Step<'a> {
+    Dispatch { handles: Handles, set: usize, push: &'a [u8], groups: [u32; 3] },
+    Clear(vk::Buffer),
+    Copy { from: vk::Buffer, to: vk::Buffer, bytes: u64 },
+    Nothing,
+}
+
+impl Runner {
+    /// Nothing run yet.
+    pub(super) fn new(device: &Arc<LogicalDevice>, pipelines: Pipelines) -> Result<Self, DeviceError> {
+        Ok(Self { pipelines, sets: DescriptorSets::new(device)?, timestamps: Timestamps::new(device, 64)? })
+    }
+
+    /// The pipeline of a kernel, made if it was not.
+    pub(super) fn pipeline(&mut self, kernel: Kernel) -> Result<Handles, DeviceError> {
+        self.pipelines.get(kernel)
+    }
+
+    /// Runs the commands one after another. Returns how long each took.
+    pub(super) fn run(
+        &mut self,
+        submitter: &mut Submitter,
+        buffers: &Buffers,
+        recording: &Recording,
+    ) -> Result<Vec<Timing>, DeviceError> {
+        let commands = recording.commands();
+        if commands.is_empty() {
+            return Ok(Vec::new());
+        }
+        let mut bindings = Vec::new();
+        let steps: Vec<_> =
+            commands.iter().map(|(_, command)| self.step(buffers, command, &mut bindings)).collect::<Result<_, _>>()?;
+        let sets = self.sets.make(&bindings)?;
+        let stamps = steps.len() as u32 + 1;
+        if let Some(timestamps) = &mut self.timestamps {
+            timestamps.reserve(stamps)?;
+        }
+
+        let timestamps = self.timestamps.as_ref();
+        submitter.submit(|device, commands| {
+            if let Some(timestamps) = timestamps {
+                timestamps.begin(device, commands, stamps);
+            }
+            for (stamp, step) in (1..).zip(&steps) {
+                if stamp > 1 {
+                    barrier_between(device, commands);
+                }
+                step.record(device, commands, &sets);
+                if let Some(timestamps) = timestamps {
+                    timestamps.take(device, commands, stamp);
+                }
+            }
+        })?;
+
+        let seconds = match timestamps {
+            Some(timestamps) => timestamps.seconds(stamps)?,
+            None => vec![0.0; steps.len()],
+        };
+        Ok(commands.iter().zip(seconds).map(|(&(label, _), seconds)| Timing { label, seconds }).collect())
+    }
+
+    fn step<'a>(
+        &mut self,
+        buffers: &Buffers,
+        command: &'a Command,
+        bindings: &mut Vec<Bindings>,
+    ) -> Result<Step<'a>, DeviceError> {
+        Ok(match command {
+            Command::Dispatch(dispatch) => self.dispatch(buffers, dispatch, bindings)?,
+            Command::Clear(buffer) => Step::Clear(buffers.find(buffer)?.buffer()),
+            Command::Copy { from, to } => {
+                let (source, target) = (buffers.find(from)?, buffers.find(to)?);
+                // Vulkan knows no copies of nothing or of a buffer to itself; neither would change a byte.
+                if from == to || source.bytes() == 0 {
+                    Step::Nothing
+                } else {
+                    Step::Copy { from: source.buffer(), to: target.buffer(), bytes: source.bytes() }
+                }
+            }
+        })
+    }
+
+    fn dispatch<'a>(
+        &mut self,
+        buffers: &Buffers,
+        dispatch: &'a Dispatch,
+        bindings: &mut Vec<Bindings>,
+    ) -> Result<Step<'a>, DeviceError> {
+        let bound = dispatch
+            .buffers
+            .iter()
+            .map(|buffer| buffers.find(buffer).map(|allocation| (allocation.buffer(), allocation.bytes())))
+            .collect::<Result<_, _>>()?;
+        if dispatch.count == 0 {
+            return Ok(Step::Nothing);
+        }
+        let handles = self.pipeline(dispatch.kernel)?;
+        bindings.push(Bindings { layout: handles.set_layout, buffers: bound });
+        let (set, groups) = (bindings.len() - 1, grid::workgroups(dispatch.count));
+        Ok(Step::Dispatch { handles, set, push: &dispatch.push, groups })
+    }
+}
+
+impl Step<'_> {
+    fn record(&self, device: &ash::Device, commands: vk::CommandBuffer, sets: &[vk::DescriptorSet]) {
+        match *self {
+            Self::Dispatch { handles, set, push, groups: [x, y, z] } => {
+                let point = vk::PipelineBindPoint::COMPUTE;
+                // SAFETY: the command buffer is being recorded; the pipeline lives until the run has ended.
+                unsafe { device.cmd_bind_pipeline(commands, point, handles.pipeline) };
+                // SAFETY: the set has the layout of the pipeline, and its buffers live until the run has ended.
+                unsafe { device.cmd_bind_descriptor_sets(commands, point, handles.layout, 0, &[sets[set]], &[]) };
+                // SAFETY: `Recording::dispatch` checked that the push constants have the size of the kernel's.
+                unsafe {
+                    device.cmd_push_constants(commands, handles.layout, vk::ShaderStageFlags::COMPUTE, 0, push);
+                };
+                // SAFETY: pipeline, set and push constants are bound, and `open` checked the limits of the largest grid.
+                unsafe { device.cmd_dispatch(commands, x, y, z) };
+            }
+            Self::Clear(buffer) => {
+                // SAFETY: the command buffer is being recorded; the buffer lives until the run has ended.
+                unsafe { device.cmd_fill_buffer(commands, buffer, 0, vk::WHOLE_SIZE, 0) };
+            }
+            Self::Copy { from, to, bytes } => {
+                let region = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: bytes };
+                // SAFETY: two different buffers of this size, which live until the run has ended.
+                unsafe { device.cmd_copy_buffer(commands, from, to, &[region]) };
+            }
+            Self::Nothing => {}
+        }
+    }
+}
