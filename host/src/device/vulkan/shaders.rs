@@ -35,6 +35,8 @@ modules! {
     PrbvhCheck: "prbvh_check",
     PrbvhCheckWords: "prbvh_check_words",
     PrbvhReinsert: "prbvh_reinsert",
+    SnapshotSave: "snapshot_save",
+    SnapshotRestore: "snapshot_restore",
 }
 
 /// Words of a SPIR-V header.
