@@ -70,6 +70,11 @@ impl Instance {
         &self.raw
     }
 
+    /// Whether the validation layer watches.
+    pub(super) fn is_validated(&self) -> bool {
+        self.messenger.is_some()
+    }
+
     /// What the validation layer said.
     pub(super) fn messages(&self) -> &Arc<Messages> {
         &self.messages

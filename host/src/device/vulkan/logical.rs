@@ -5,7 +5,8 @@ use super::instance::Instance;
 use super::limits::PhysicalDevice;
 use super::messages::Messages;
 use crate::device::DeviceError;
-use ash::{khr, vk};
+use ash::{ext, khr, vk};
+use std::ffi::CString;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -16,6 +17,7 @@ pub(super) struct LogicalDevice {
     physical: PhysicalDevice,
     atomics_64: bool,
     abandoned: AtomicBool,
+    names: Option<ext::debug_utils::Device>,
     instance: Arc<Instance>,
 }
 
@@ -51,7 +53,9 @@ impl LogicalDevice {
         let raw = unsafe { instance.raw().create_device(physical.raw, &info, None) }.call("vkCreateDevice")?;
         // SAFETY: the device was made with one queue of this family.
         let queue = unsafe { raw.get_device_queue(physical.queue_family, 0) };
-        Ok(Arc::new(Self { raw, queue, physical, atomics_64, abandoned: AtomicBool::new(false), instance }))
+        let names = instance.is_validated().then(|| ext::debug_utils::Device::new(instance.raw(), &raw));
+        let abandoned = AtomicBool::new(false);
+        Ok(Arc::new(Self { raw, queue, physical, atomics_64, abandoned, names, instance }))
     }
 
     /// The functions of the device.
@@ -72,6 +76,14 @@ impl LogicalDevice {
     /// Whether 64-bit integers and atomics are in use.
     pub(super) fn atomics_64(&self) -> bool {
         self.atomics_64
+    }
+
+    /// Names an object of this device in the messages of the validation layer.
+    pub(super) fn set_name(&self, object: impl vk::Handle, name: &str) -> Result<(), DeviceError> {
+        let (Some(names), Ok(name)) = (&self.names, CString::new(name)) else { return Ok(()) };
+        let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&name);
+        // SAFETY: the extension is enabled, and the object is of this device.
+        unsafe { names.set_debug_utils_object_name(&info) }.call("vkSetDebugUtilsObjectNameEXT")
     }
 
     /// What the validation layer said.

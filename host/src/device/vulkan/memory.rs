@@ -94,6 +94,7 @@ impl Allocation {
             .sharing_mode(vk::SharingMode::EXCLUSIVE);
         // SAFETY: a size above 0 and a usage of core Vulkan.
         let buffer = unsafe { objects::Buffer::new(device, &info) }.map_err(out_of_memory)?;
+        device.set_name(buffer.raw(), what)?;
         // SAFETY: the buffer is of this device.
         let requirements = unsafe { device.raw().get_buffer_memory_requirements(buffer.raw()) };
 

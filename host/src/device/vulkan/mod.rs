@@ -3,7 +3,7 @@
 //! | file | what it owns |
 //! |---|---|
 //! | `instance`, `messages` | the library, an instance, the reports of the validation layer |
-//! | `limits` | what a device is and lacks |
+//! | `limits`, `selection` | what a device is and lacks; which one to open |
 //! | `logical`, `objects` | an opened device, and Vulkan objects that destroy themselves |
 //! | `memory`, `buffers`, `staging` | buffers, and bytes on their way to and from them |
 //! | `shaders`, `pipeline`, `cache` | SPIR-V → pipelines, kept between runs of the program |
@@ -24,6 +24,7 @@ mod messages;
 mod objects;
 mod pipeline;
 mod run;
+mod selection;
 mod shaders;
 mod staging;
 mod submit;
@@ -32,6 +33,7 @@ mod tests;
 mod timestamps;
 
 pub use limits::{DeviceSummary, Missing};
+pub use selection::Selection;
 
 use super::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
 use ash::vk;
@@ -43,20 +45,11 @@ use logical::LogicalDevice;
 use memory::Access;
 use pipeline::Pipelines;
 use run::Runner;
+use selection::select;
 use staging::Staging;
 use std::path::PathBuf;
 use std::sync::Arc;
 use submit::Submitter;
-
-/// Which Vulkan device to open.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Selection {
-    /// The best that prbvh can run on: a discrete GPU before an integrated one, a virtual one, a CPU.
-    #[default]
-    Automatic,
-    /// The one with this [`DeviceSummary::index`].
-    Index(usize),
-}
 
 /// All Vulkan devices of this machine, those that prbvh cannot run on included.
 ///
@@ -201,26 +194,5 @@ impl Device for VulkanDevice {
 
     fn memory(&self) -> MemoryUse {
         self.buffers.memory()
-    }
-}
-
-fn select(mut devices: Vec<PhysicalDevice>, selection: Selection) -> Result<PhysicalDevice, DeviceError> {
-    let chosen = match selection {
-        // Where none is usable, the best of the others says what it lacks when it is opened.
-        Selection::Automatic => {
-            (0..devices.len()).min_by_key(|&k| (!devices[k].summary.is_usable(), devices[k].rank()))
-        }
-        Selection::Index(index) => Some(index).filter(|&index| index < devices.len()),
-    };
-    let list = || {
-        let names = devices.iter().map(|device| format!("{}: {}", device.summary.index, device.summary.name));
-        names.collect::<Vec<_>>().join(", ")
-    };
-    match (chosen, selection) {
-        (Some(chosen), _) => Ok(devices.swap_remove(chosen)),
-        (None, Selection::Index(index)) => {
-            Err(DeviceError::NoDevice(format!("there is no Vulkan device {index}; there are {}", list())))
-        }
-        (None, Selection::Automatic) => Err(DeviceError::NoDevice("there is no Vulkan device".to_owned())),
     }
 }

@@ -34,7 +34,7 @@ fn on_each_access(test: impl Fn(&mut VulkanDevice)) {
 }
 
 /// Whether Vulkan was asked to be left out; says so under the name of the test.
-fn left_out(test: &str) -> bool {
+pub(super) fn left_out(test: &str) -> bool {
     let left_out = std::env::var_os("PRBVH_WITHOUT_VULKAN").is_some_and(|value| value == "1");
     if left_out {
         println!("not run: {test} (PRBVH_WITHOUT_VULKAN=1)");
@@ -359,7 +359,9 @@ fn the_validation_layer_finds_a_missing_barrier() {
         }
     });
     match device.validated(result) {
-        Err(DeviceError::Validation(text)) => assert!(text.contains("SYNC-HAZARD-WRITE-AFTER-WRITE"), "{text}"),
+        Err(DeviceError::Validation(text)) => {
+            assert!(text.contains("SYNC-HAZARD-WRITE-AFTER-WRITE") && text.contains("buffer words"), "{text}");
+        }
         result => panic!("{result:?}"),
     }
     device.close().unwrap();
@@ -376,30 +378,4 @@ fn work_that_was_given_up_on_ends_the_device() {
     let error = device.upload(&buffer, &[0; 40]).unwrap_err();
     assert!(matches!(error, DeviceError::Vulkan { result: vk::Result::TIMEOUT, .. }), "{error}");
     device.close().unwrap();
-}
-
-#[test]
-fn the_best_usable_device_is_selected() {
-    if left_out("the_best_usable_device_is_selected") {
-        return;
-    }
-    let instance = Instance::new(false).unwrap();
-    let devices = |types: [(vk::PhysicalDeviceType, bool); 3]| -> Vec<PhysicalDevice> {
-        (0..3)
-            .map(|k| {
-                let mut device = PhysicalDevice::all(&instance).unwrap().remove(0);
-                device.summary.index = k;
-                device.properties.device_type = types[k].0;
-                device.summary.missing = if types[k].1 { vec![] } else { vec![Missing::Feature("vulkanMemoryModel")] };
-                device
-            })
-            .collect()
-    };
-    use vk::PhysicalDeviceType as T;
-    let chosen = |types| select(devices(types), Selection::Automatic).unwrap().summary.index;
-    assert_eq!(chosen([(T::CPU, true), (T::DISCRETE_GPU, true), (T::DISCRETE_GPU, true)]), 1);
-    assert_eq!(chosen([(T::DISCRETE_GPU, false), (T::CPU, true), (T::INTEGRATED_GPU, true)]), 2);
-    let all_lack = select(devices([(T::CPU, false); 3]), Selection::Automatic).unwrap();
-    let error = all_lack.summary.require_usable().unwrap_err();
-    assert!(matches!(error, DeviceError::Feature { name: "vulkanMemoryModel", .. }), "{error}");
 }
