@@ -163,6 +163,12 @@ impl VulkanDevice {
     }
 }
 
+impl std::fmt::Debug for VulkanDevice {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("VulkanDevice").field("info", &self.info).field("memory", &self.memory()).finish_non_exhaustive()
+    }
+}
+
 impl Device for VulkanDevice {
     fn info(&self) -> &DeviceInfo {
         &self.info

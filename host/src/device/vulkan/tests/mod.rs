@@ -1,5 +1,7 @@
 //! The device itself, on the best Vulkan device of this machine and under the validation layer.
 
+mod pipeline;
+
 use super::*;
 use bytemuck::Zeroable;
 use prbvh_kernel::aabb::Aabb;
