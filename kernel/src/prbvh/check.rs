@@ -18,7 +18,9 @@ pub fn check(
     found: &[Slot<Reinsertion>],
     report: &[AtomicU32],
 ) {
-    check_with(i, params, nodes, found, report, |v, key| locks[v] == key);
+    check_with(i, params, nodes, found, report, |v, decrease, input| {
+        locks[v] == lock_key(decrease, input)
+    });
 }
 
 /// Invocation `i` checks locks of two 32-bit words.
@@ -32,7 +34,9 @@ pub fn check_words(
     found: &[Slot<Reinsertion>],
     report: &[AtomicU32],
 ) {
-    check_with(i, params, nodes, found, report, |v, key| decreases[v] == (key >> 32) as u32 && inputs[v] == key as u32);
+    check_with(i, params, nodes, found, report, |v, decrease, input| {
+        decreases[v] == decrease.to_bits() && inputs[v] == input
+    });
 }
 
 #[inline(always)]
@@ -42,13 +46,12 @@ fn check_with(
     nodes: &[Node],
     found: &[Slot<Reinsertion>],
     report: &[AtomicU32],
-    owns: impl Fn(usize, u64) -> bool,
+    owns: impl Fn(usize, f32, u32) -> bool,
 ) {
     let Reinsertion { area_decrease, output } = found[i as usize].get();
     if output != NO_NODE {
         let input = params.input(i);
-        let key = lock_key(area_decrease, input);
-        if TopologyNodes::of(nodes, params.nodes / 2, input, output).all(|v| owns(v, key)) {
+        if TopologyNodes::of(nodes, params.nodes / 2, input, output).all(|v| owns(v, area_decrease, input)) {
             report[OWNED].add(1);
         } else {
             found[i as usize].set(Reinsertion::NONE);
