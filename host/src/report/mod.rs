@@ -1,1 +1,67 @@
-//! Reports of a run: JSON, CSV, SVG.
+//! What a run did, and the files that say so: `report.json`, `iterations.csv`, `convergence.svg`; and the table on the terminal.
+
+mod axis;
+mod csv;
+mod format;
+mod json;
+mod machine;
+mod phases;
+pub mod plot;
+mod run;
+mod table;
+#[cfg(test)]
+mod testing;
+pub mod write;
+
+pub use machine::Machine;
+pub use phases::{Phase, PhaseTimes};
+pub use run::{
+    IterationRow, Memory, Program, QualityReport, RunReport, SCHEMA, SceneReport, Settings, set_relative_errors,
+};
+pub use table::table;
+
+use std::path::{Path, PathBuf};
+use write::{WriteError, write_atomically};
+
+impl RunReport {
+    /// Writes `report.json`, `iterations.csv` and `convergence.svg` into `folder`, each whole or not at all. Returns their paths.
+    ///
+    /// # Errors
+    /// At the first file that cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, WriteError> {
+        let paths = ["report.json", "iterations.csv", "convergence.svg"].map(|name| folder.join(name));
+        write_atomically(&paths[0], |out| json::write(self, out))?;
+        write_atomically(&paths[1], |out| csv::write(&self.rows, out))?;
+        write_atomically(&paths[2], |out| {
+            let svg = plot::convergence(self).map_err(std::io::Error::other)?;
+            out.write_all(svg.as_bytes())
+        })?;
+        Ok(paths.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::testing::report;
+
+    #[test]
+    fn all_files_are_written_again_and_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        for _ in 0..2 {
+            let paths = report(5).write(&out).unwrap();
+            assert!(paths.iter().all(|path| path.metadata().unwrap().len() > 100));
+            assert_eq!(std::fs::read_dir(&out).unwrap().count(), 3);
+        }
+    }
+
+    #[test]
+    fn a_file_in_the_way_is_named_and_left() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        std::fs::write(&out, "mine").unwrap();
+        let error = report(5).write(&out).unwrap_err();
+        assert!(error.path.ends_with("out/report.json"), "{error}");
+        assert_eq!(std::fs::read_to_string(&out).unwrap(), "mine");
+    }
+}

@@ -1,0 +1,213 @@
+//! What is known of a run.
+
+use super::{Machine, Phase};
+use crate::bvh::{Quality, SahModel};
+use crate::device::DeviceInfo;
+use serde::{Deserialize, Serialize};
+
+/// Version of [`RunReport`] as JSON; grows when a key changes its meaning or goes away.
+pub const SCHEMA: u32 = 1;
+
+/// A run, whole. As JSON the first keys are flat, for programs that want the outcome alone; what follows them explains it.
+#[derive(Clone, Debug, Serialize)]
+pub struct RunReport {
+    /// [`SCHEMA`].
+    pub schema: u32,
+    /// Name of the scene.
+    pub scene: String,
+    /// Triangles of the scene that are in the tree.
+    pub triangles: u32,
+    /// Name of the device.
+    pub device: String,
+    /// SAH cost of the initial tree, unitless.
+    pub initial_cost: f64,
+    /// SAH cost of the tree handed out, unitless.
+    pub final_cost: f64,
+    /// Iterations run.
+    pub iterations: u32,
+    /// Wall time of the optimisation, seconds.
+    pub time_s: f64,
+    /// Hash of the tree handed out ([`crate::bvh::tree_hash`]).
+    pub tree_hash: String,
+    /// Time on the device by kind of work, the longest first.
+    pub phases: Vec<Phase>,
+    /// Wall time of the initial tree, seconds.
+    pub build_s: f64,
+    /// Why it stopped.
+    pub stop_reason: String,
+    /// What was left out and why, a line each.
+    pub plan: Vec<String>,
+    /// What was asked for.
+    pub settings: Settings,
+    /// Device memory.
+    pub memory: Memory,
+    /// Quality before and after.
+    pub quality: QualityReport,
+    /// The scene in detail.
+    pub scene_details: SceneReport,
+    /// The device in detail.
+    pub device_details: DeviceInfo,
+    /// The machine.
+    pub machine: Machine,
+    /// The program.
+    pub program: Program,
+    /// A row per iteration; iteration 0 is the initial tree.
+    pub rows: Vec<IterationRow>,
+}
+
+/// What ran.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Program {
+    /// Name.
+    pub name: String,
+    /// Version of the package.
+    pub version: String,
+    /// Commit it was built from; `unknown` outside a repository.
+    pub commit: String,
+    /// Command line, program first.
+    pub command_line: Vec<String>,
+}
+
+impl Program {
+    /// This program, as it was called.
+    #[must_use]
+    pub fn current() -> Self {
+        Self {
+            name: env!("CARGO_PKG_NAME").to_owned(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            commit: env!("PRBVH_COMMIT").to_owned(),
+            // A file name need not be Unicode.
+            command_line: std::env::args_os().map(|argument| argument.to_string_lossy().into_owned()).collect(),
+        }
+    }
+}
+
+/// The scene.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SceneReport {
+    /// File or generator that it came from.
+    pub source: String,
+    /// Hash of its triangles, 32 hexadecimal digits.
+    pub hash: String,
+    /// What the screening found.
+    pub census: serde_json::Value,
+}
+
+/// What was asked for.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Settings {
+    /// Builder of the initial tree.
+    pub initial: String,
+    /// Locking strategy.
+    pub strategy: String,
+    /// Sparse search: one node in `mu` is searched per iteration, at first.
+    pub mu: u32,
+    /// Change of cost below which `mu` shrinks.
+    pub epsilon: f64,
+    /// Whether `epsilon` is a share of the initial cost (else it is a cost).
+    pub epsilon_relative: bool,
+    /// Most iterations; none: no limit.
+    pub max_iterations: Option<u32>,
+    /// Longest wall time, seconds; none: no limit.
+    pub max_time_s: Option<f64>,
+    /// Threads of the CPU device; none: as many as there are.
+    pub threads: Option<u32>,
+    /// Costs behind every SAH cost of the report.
+    pub sah: SahModel,
+}
+
+/// Device memory in buffers.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Memory {
+    /// Most at any time, bytes.
+    pub peak_bytes: u64,
+    /// The same per triangle, bytes.
+    pub bytes_per_triangle: f64,
+    /// The same per node, bytes.
+    pub bytes_per_node: f64,
+}
+
+impl Memory {
+    /// Divides `peak_bytes` by the triangles and by the nodes of a tree with one of them in each leaf.
+    #[must_use]
+    pub fn new(peak_bytes: u64, triangles: u32) -> Self {
+        let triangles = f64::from(triangles.max(1));
+        let peak = peak_bytes as f64;
+        Self { peak_bytes, bytes_per_triangle: peak / triangles, bytes_per_node: peak / (2.0 * triangles - 1.0) }
+    }
+}
+
+/// Quality before and after.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct QualityReport {
+    /// Of the initial tree.
+    pub initial: Quality,
+    /// Of the tree handed out.
+    #[serde(rename = "final")]
+    pub last: Quality,
+}
+
+/// An iteration. The fields are the columns of `iterations.csv`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct IterationRow {
+    /// Number; 0 is the initial tree.
+    pub iteration: u32,
+    /// Sparse search: one node in `mu` was searched.
+    pub mu: u32,
+    /// Wall time since the start of the optimisation, seconds.
+    pub time_s: f64,
+    /// Time on the device, seconds.
+    pub device_s: f64,
+    /// SAH cost after the iteration, unitless.
+    pub cost: f64,
+    /// `cost / best - 1` with the lowest cost of all rows ([`set_relative_errors`]).
+    pub relative_error: f64,
+    /// Reinsertions that the search found.
+    pub found: u32,
+    /// Of these, the ones that owned all their locks.
+    pub owned: u32,
+    /// Of these, the ones that were made.
+    pub applied: u32,
+    /// Most steps of one search.
+    pub most_steps: u32,
+}
+
+/// Fills [`IterationRow::relative_error`] from the costs. Rows that share the lowest cost have an error of exactly 0.
+pub fn set_relative_errors(rows: &mut [IterationRow]) {
+    let best = rows.iter().map(|row| row.cost).fold(f64::INFINITY, f64::min);
+    for row in rows {
+        // Also where both are 0.
+        row.relative_error = if row.cost == best { 0.0 } else { row.cost / best - 1.0 };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_relative_to_the_lowest_cost() {
+        let row = |cost| IterationRow { cost, ..IterationRow::default() };
+        let mut rows = [row(200.0), row(100.0), row(150.0), row(100.0)];
+        set_relative_errors(&mut rows);
+        assert_eq!(rows.map(|row| row.relative_error), [1.0, 0.0, 0.5, 0.0]);
+        let mut nothing = [row(0.0)];
+        set_relative_errors(&mut nothing);
+        assert_eq!(nothing[0].relative_error, 0.0);
+        set_relative_errors(&mut []);
+    }
+
+    #[test]
+    fn memory_is_shared_out() {
+        let memory = Memory::new(600, 3);
+        assert_eq!((memory.bytes_per_triangle, memory.bytes_per_node), (200.0, 120.0));
+    }
+
+    #[test]
+    fn the_program_knows_itself() {
+        let program = Program::current();
+        assert_eq!((program.name.as_str(), program.version.as_str()), ("prbvh", env!("CARGO_PKG_VERSION")));
+        assert!(program.commit == "unknown" || program.commit.bytes().all(|c| c.is_ascii_hexdigit()));
+        assert!(!program.command_line.is_empty());
+    }
+}

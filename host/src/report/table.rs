@@ -1,0 +1,137 @@
+//! The table on the terminal.
+
+use super::{RunReport, format};
+use comfy_table::{Cell, CellAlignment, ColumnConstraint, ContentArrangement, LineStyle, Table, TableStyle, Width};
+
+/// Narrowest table that still reads.
+const NARROWEST: u16 = 30;
+
+/// Lines above, below and under the header only.
+const STYLE: TableStyle = TableStyle::new().top_border(LINE).header_separator(LINE).bottom_border(LINE);
+const LINE: LineStyle = LineStyle::none().fill('─').junction('─');
+
+/// The outcome of a run and its phases, at most `width` columns wide (30 at least). Ends with a line end.
+#[must_use]
+pub fn table(report: &RunReport, width: u16) -> String {
+    let width = width.max(NARROWEST);
+    let mut text = outcome(report, width).trim_fmt();
+    text.push('\n');
+    if !report.phases.is_empty() {
+        text.push_str(&phases(report, width).trim_fmt());
+        text.push('\n');
+    }
+    text
+}
+
+fn outcome(report: &RunReport, width: u16) -> Table {
+    let mut table = empty(width);
+    let ratio = report.final_cost / report.initial_cost;
+    let cost = |cost: f64| format!("{cost:.3}");
+    let mut row = |name: &str, value: String| {
+        table.add_row([name.to_owned(), value]);
+    };
+    row("scene", report.scene.clone());
+    row("triangles", format::count(report.triangles.into()));
+    row("device", report.device.clone());
+    row("initial cost", format!("{} ({})", cost(report.initial_cost), report.settings.initial));
+    row("final cost", cost(report.final_cost));
+    if ratio.is_finite() {
+        row("final / initial", format!("{ratio:.4}"));
+    }
+    row("iterations", format::count(report.iterations.into()));
+    row("build time", format::seconds(report.build_s));
+    row("optimise time", format::seconds(report.time_s));
+    let memory = &report.memory;
+    let per_triangle = format::significant(memory.bytes_per_triangle);
+    row("device memory", format!("{} ({per_triangle} B per triangle)", format::bytes(memory.peak_bytes)));
+    let quality = &report.quality;
+    row("depth", format!("{} (initially {})", quality.last.max_depth, quality.initial.max_depth));
+    row("stopped", report.stop_reason.clone());
+    row("tree hash", report.tree_hash.clone());
+    table
+}
+
+fn phases(report: &RunReport, width: u16) -> Table {
+    let mut table = empty(width);
+    let right = |text: String| Cell::new(text).set_alignment(CellAlignment::Right);
+    table.set_header([
+        Cell::new("phase"),
+        right("time".to_owned()),
+        right("calls".to_owned()),
+        right("share".to_owned()),
+    ]);
+    for phase in &report.phases {
+        table.add_row([
+            Cell::new(&phase.label),
+            right(format::seconds(phase.seconds)),
+            right(format::count(phase.calls)),
+            right(format!("{:.1} %", phase.share * 100.0)),
+        ]);
+    }
+    // A name may break; a number may not.
+    for column in table.column_iter_mut().skip(1) {
+        column.set_constraint(ColumnConstraint::ContentWidth);
+    }
+    if let Some(names) = table.column_mut(0) {
+        names.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(8)));
+    }
+    table
+}
+
+fn empty(width: u16) -> Table {
+    let mut table = Table::new();
+    table.load_style(STYLE).set_content_arrangement(ContentArrangement::Dynamic).set_width(width);
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::report;
+    use super::*;
+
+    fn widest(text: &str) -> usize {
+        text.lines().map(|line| line.chars().count()).max().unwrap()
+    }
+
+    #[test]
+    fn what_matters_is_there() {
+        let report = report(40);
+        let text = table(&report, 100);
+        for part in [
+            "sponza_crytek",
+            "262,267",
+            "312.500",
+            "0.6",
+            "40",
+            &report.tree_hash,
+            "search",
+            "80.0 %",
+            "B per triangle",
+        ] {
+            assert!(text.contains(part), "{part} is not in\n{text}");
+        }
+        assert!(text.contains(&report.stop_reason) && text.ends_with('\n'));
+    }
+
+    #[test]
+    fn it_fits_the_terminal() {
+        let mut report = report(40);
+        report.device = "A device whose maker likes to put everything into its name (TM) 9000 Max-Q".to_owned();
+        for width in [40, 60, 80, 200] {
+            let text = table(&report, width);
+            assert!(widest(&text) <= width as usize, "{width} columns:\n{text}");
+        }
+        let narrow = table(&report, 40);
+        for number in ["262,267", "312.500", "80.0 %"] {
+            assert!(narrow.contains(number), "{number} is broken in\n{narrow}");
+        }
+        assert!(widest(&table(&report, 0)) <= 40);
+    }
+
+    #[test]
+    fn a_device_without_phases_has_one_table() {
+        let mut report = report(0);
+        report.phases.clear();
+        assert!(!table(&report, 80).contains("share"));
+    }
+}
