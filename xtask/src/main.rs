@@ -1,1 +1,61 @@
-fn main() {}
+//! `cargo xtask`: the project's own tasks, one file each.
+
+mod ci;
+mod repo;
+mod setup;
+mod shaders;
+mod test;
+mod tidy;
+mod vulkan;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask", about = "The project's own tasks", version)]
+struct Cli {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    /// Compiles the kernels to SPIR-V: writes kernel/spv, or with --check compares.
+    BuildShaders(shaders::BuildShaders),
+    #[command(hide = true)]
+    CompileKernels(shaders::compile::CompileKernels),
+    /// Looks for a Vulkan driver and installs Mesa's where there is none and it may.
+    Setup,
+    /// Does what setup does, then runs all tests.
+    Test(test::Test),
+    /// Everything that must pass before a merge.
+    Ci,
+    /// Checks the rules of the house that no other tool knows.
+    Tidy,
+}
+
+fn main() -> ExitCode {
+    let result = match Cli::parse().task {
+        Task::BuildShaders(task) => task.run().map(|()| ExitCode::SUCCESS),
+        Task::CompileKernels(task) => task.run().map(|()| ExitCode::SUCCESS),
+        Task::Setup => setup::run().map(|()| ExitCode::SUCCESS),
+        Task::Test(task) => task.run(),
+        Task::Ci => ci::run().map(|()| ExitCode::SUCCESS),
+        Task::Tidy => tidy::run().map(|()| ExitCode::SUCCESS),
+    };
+    result.unwrap_or_else(|error| {
+        eprintln!("error: {error:#}");
+        ExitCode::FAILURE
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+}

@@ -1,0 +1,314 @@
+//! Compares a module with what the kernel crate says of the kernel.
+
+use super::ir::{self, Index, literal};
+use super::{Modules, exact};
+use anyhow::Result;
+use prbvh_kernel::{Access, Kernel, KernelInfo, grid};
+use rspirv::dr::{Instruction, Operand};
+use rspirv::spirv::{
+    AddressingModel, BuiltIn, Capability, Decoration, ExecutionMode, ExecutionModel, MemoryModel, Op, StorageClass,
+    Word,
+};
+use std::collections::BTreeMap;
+
+/// All that a device is asked for.
+const CAPABILITIES: [Capability; 4] =
+    [Capability::Shader, Capability::VulkanMemoryModel, Capability::Int64, Capability::Int64Atomics];
+
+/// What is wrong with the modules of all kernels.
+pub(super) fn faults(modules: &Modules) -> Vec<String> {
+    let mut faults = Vec::new();
+    for info in Kernel::ALL.iter().map(|kernel| kernel.info()) {
+        match modules.get(info.name).map(|module| compare(module, info)) {
+            None => faults.push(format!("{}: there is no module", info.name)),
+            Some(Err(error)) => faults.push(format!("{}: {error:#}", info.name)),
+            Some(Ok(found)) => faults.extend(found.into_iter().map(|fault| format!("{}: {fault}", info.name))),
+        }
+    }
+    let listed = |name: &String| Kernel::ALL.iter().any(|kernel| kernel.info().name == name);
+    faults.extend(modules.keys().filter(|&name| !listed(name)).map(|name| format!("{name}: there is no such kernel")));
+    faults
+}
+
+/// What is wrong with one module.
+///
+/// # Errors
+/// If it is no SPIR-V.
+fn compare(module: &[u8], info: &KernelInfo) -> Result<Vec<String>> {
+    let module = ir::load(module)?;
+    let index = Index::new(&module);
+    let mut faults = Vec::new();
+    entry(&index, info, &mut faults);
+    capabilities(&index, &mut faults);
+    variables(&index, info, &mut faults);
+    let bare = exact::bare_arithmetic(&module).len();
+    if bare > 0 {
+        faults.push(format!("{bare} float operations without NoContraction"));
+    }
+    faults.extend(exact::inexact(&module).into_iter().map(|name| format!("{name}: its result depends on the driver")));
+    Ok(faults)
+}
+
+fn entry(index: &Index<'_>, info: &KernelInfo, faults: &mut Vec<String>) {
+    let entries: Vec<_> = index.module.entry_points.iter().map(|inst| inst.operands.as_slice()).collect();
+    let name = Operand::LiteralString(info.name.to_owned());
+    match entries.as_slice() {
+        [[Operand::ExecutionModel(ExecutionModel::GLCompute), Operand::IdRef(_), found, ..]] if *found == name => {}
+        other => faults.push(format!("entry points are not one compute entry {}, but {other:?}", info.name)),
+    }
+    let size = [grid::WORKGROUP_SIZE, 1, 1].map(Operand::LiteralBit32);
+    let modes: Vec<_> = index.module.execution_modes.iter().map(|inst| &inst.operands[1..]).collect();
+    let local_size = [&[Operand::ExecutionMode(ExecutionMode::LocalSize)], &size[..]].concat();
+    if modes != [local_size.as_slice()] {
+        faults.push(format!("execution modes are not LocalSize {} 1 1, but {modes:?}", grid::WORKGROUP_SIZE));
+    }
+}
+
+fn capabilities(index: &Index<'_>, faults: &mut Vec<String>) {
+    for capability in ir::capabilities(index.module) {
+        if !CAPABILITIES.contains(&capability) {
+            faults.push(format!("capability {capability:?} is not allowed"));
+        } else if !index.needs(capability) {
+            faults.push(format!("capability {capability:?} is not needed"));
+        }
+    }
+    faults.extend(index.module.extensions.iter().map(|inst| format!("extension {:?} is not allowed", inst.operands)));
+    let model = [Operand::AddressingModel(AddressingModel::Logical), Operand::MemoryModel(MemoryModel::Vulkan)];
+    let found = index.module.memory_model.as_ref().map(|inst| inst.operands.as_slice());
+    if found != Some(&model) {
+        faults.push(format!("memory model is not Logical Vulkan, but {found:?}"));
+    }
+}
+
+fn variables(index: &Index<'_>, info: &KernelInfo, faults: &mut Vec<String>) {
+    let mut buffers = BTreeMap::new();
+    let mut push = Vec::new();
+    for (id, class, memory) in index.variables() {
+        match class {
+            StorageClass::StorageBuffer => {
+                let number = |decoration| literal(index.decoration(id, decoration)?);
+                let place = (number(Decoration::DescriptorSet), number(Decoration::Binding));
+                if buffers.insert(place, (id, memory)).is_some() {
+                    faults.push(format!("two buffers at (set, binding) {place:?}"));
+                }
+            }
+            StorageClass::PushConstant => push.push(memory.result_id.and_then(|memory| index.size(memory))),
+            StorageClass::Input => {
+                let built_in = index.decoration(id, Decoration::BuiltIn);
+                let known = [BuiltIn::GlobalInvocationId, BuiltIn::NumWorkgroups].map(|name| [Operand::BuiltIn(name)]);
+                if !known.iter().any(|known| built_in == Some(known)) {
+                    faults.push(format!("input {built_in:?} is not allowed"));
+                }
+            }
+            StorageClass::Private => {}
+            other => faults.push(format!("{other:?} memory is not allowed")),
+        }
+    }
+    let bytes: Vec<usize> = push.iter().map(|size| size.map_or(0, |size| size as usize)).collect();
+    if bytes != [info.push_bytes] {
+        faults.push(format!("push constants are not one block of {} bytes, but {bytes:?}", info.push_bytes));
+    }
+    for (binding, wanted) in (0..).zip(info.bindings) {
+        let what = format!("binding {binding} ({})", wanted.name);
+        let Some((id, memory)) = buffers.remove(&(Some(0), Some(binding))) else {
+            faults.push(format!("{what} is missing"));
+            continue;
+        };
+        let stride = element_stride(index, memory);
+        if stride.is_none_or(|stride| stride as usize != wanted.element_bytes) {
+            let stride = stride.map_or_else(|| "no".to_owned(), |stride| stride.to_string());
+            faults.push(format!(
+                "{what} has elements of {} bytes, but the module has a stride of {stride}",
+                wanted.element_bytes
+            ));
+        }
+        match (wanted.access, is_read_only(index, id, memory)) {
+            (Access::Read, false) => faults.push(format!("{what} is only read, but lacks NonWritable")),
+            (Access::Write, true) => faults.push(format!("{what} is written, but is NonWritable")),
+            _ => {}
+        }
+    }
+    let more =
+        buffers.keys().map(|place| format!("a buffer at (set, binding) {place:?} that the kernel does not have"));
+    faults.extend(more);
+}
+
+/// Stride of a buffer that is a structure of nothing but an array without length.
+fn element_stride(index: &Index<'_>, memory: &Instruction) -> Option<u32> {
+    index.decoration(memory.result_id?, Decoration::Block)?;
+    match (memory.class.opcode, memory.operands.as_slice()) {
+        (Op::TypeStruct, [Operand::IdRef(array)]) => {
+            let is_array = index.definition(*array)?.class.opcode == Op::TypeRuntimeArray;
+            literal(index.decoration(*array, Decoration::ArrayStride).filter(|_| is_array)?)
+        }
+        _ => None,
+    }
+}
+
+fn is_read_only(index: &Index<'_>, id: Word, memory: &Instruction) -> bool {
+    let of_member = |memory| index.member_decoration(memory, 0, Decoration::NonWritable).is_some();
+    index.decoration(id, Decoration::NonWritable).is_some() || memory.result_id.is_some_and(of_member)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::{committed, edit};
+    use super::*;
+    use rspirv::dr::Module;
+
+    /// A kernel with atomics, floats, read-only buffers and written ones.
+    const KERNEL: Kernel = Kernel::Cost;
+
+    fn with_fault(plant: impl FnOnce(&mut Module)) -> Vec<String> {
+        let info = KERNEL.info();
+        compare(&edit(&committed(info.name), plant), info).unwrap()
+    }
+
+    fn annotation(module: &mut Module, has: Operand) -> &mut Instruction {
+        module.annotations.iter_mut().find(|inst| inst.operands.contains(&has)).unwrap()
+    }
+
+    fn decoration(name: Decoration) -> Operand {
+        Operand::Decoration(name)
+    }
+
+    #[test]
+    fn committed_modules_have_no_faults() {
+        let names = Kernel::ALL.iter().map(|kernel| kernel.info().name);
+        let modules: Modules = names.map(|name| (name.to_owned(), committed(name))).collect();
+        assert_eq!(faults(&modules), [""; 0]);
+    }
+
+    #[test]
+    fn a_missing_and_an_unknown_module_are_named() {
+        let names = Kernel::ALL.iter().skip(1).map(|kernel| kernel.info().name);
+        let mut modules: Modules = names.map(|name| (name.to_owned(), committed(name))).collect();
+        modules.insert("of_old".to_owned(), Vec::new());
+        let first = Kernel::ALL[0].info().name;
+        assert_eq!(
+            faults(&modules),
+            [format!("{first}: there is no module"), "of_old: there is no such kernel".to_owned()]
+        );
+    }
+
+    #[test]
+    fn a_wrong_workgroup_size() {
+        let faults = with_fault(|module| module.execution_modes[0].operands[2] = Operand::LiteralBit32(32));
+        assert_eq!(faults.len(), 1, "{faults:?}");
+        assert!(faults[0].starts_with("execution modes are not LocalSize 64 1 1, but "), "{faults:?}");
+    }
+
+    #[test]
+    fn a_wrong_name_and_a_wrong_kind_of_entry() {
+        let name = Operand::LiteralString("entries::cost_sums".to_owned());
+        let model = Operand::ExecutionModel(ExecutionModel::Fragment);
+        for faults in [
+            with_fault(|module| module.entry_points[0].operands[2] = name),
+            with_fault(|module| module.entry_points[0].operands[0] = model),
+        ] {
+            assert_eq!(faults.len(), 1, "{faults:?}");
+            assert!(faults[0].starts_with("entry points are not one compute entry cost_sums, but "), "{faults:?}");
+        }
+    }
+
+    #[test]
+    fn a_missing_binding_and_one_too_many() {
+        let faults = with_fault(|module| {
+            let binding = module.annotations.iter_mut().map(|inst| &mut inst.operands);
+            let last = [decoration(Decoration::Binding), Operand::LiteralBit32(3)];
+            let binding = binding.into_iter().find(|operands| operands.ends_with(&last)).unwrap();
+            binding[2] = Operand::LiteralBit32(4);
+        });
+        assert_eq!(
+            faults,
+            [
+                "binding 3 (report) is missing",
+                "a buffer at (set, binding) (Some(0), Some(4)) that the kernel does not have"
+            ]
+        );
+    }
+
+    #[test]
+    fn another_descriptor_set() {
+        let faults = with_fault(|module| {
+            annotation(module, decoration(Decoration::DescriptorSet)).operands[2] = Operand::LiteralBit32(1);
+        });
+        assert_eq!(faults.len(), 2, "{faults:?}");
+        assert!(faults[0].ends_with(" is missing"), "{faults:?}");
+    }
+
+    #[test]
+    fn a_wrong_stride() {
+        let faults = with_fault(|module| {
+            let stride = [decoration(Decoration::ArrayStride), Operand::LiteralBit32(32)];
+            let mut annotations = module.annotations.iter_mut();
+            let inst = annotations.find(|inst| inst.operands.ends_with(&stride)).unwrap();
+            inst.operands[2] = Operand::LiteralBit32(48);
+        });
+        assert_eq!(faults, ["binding 0 (nodes) has elements of 32 bytes, but the module has a stride of 48"]);
+    }
+
+    #[test]
+    fn wrong_access() {
+        let faults = with_fault(|module| {
+            let inst = annotation(module, decoration(Decoration::NonWritable));
+            inst.operands[1] = decoration(Decoration::Coherent);
+        });
+        assert_eq!(faults.len(), 1, "{faults:?}");
+        assert!(faults[0].ends_with(" is only read, but lacks NonWritable"), "{faults:?}");
+        let faults = with_fault(|module| {
+            let mut annotations = module.annotations.iter().map(|inst| inst.operands.clone());
+            let last = [decoration(Decoration::Binding), Operand::LiteralBit32(3)];
+            let buffer = annotations.find(|operands| operands.ends_with(&last)).unwrap()[0].clone();
+            let inst = annotation(module, decoration(Decoration::NonWritable)).clone();
+            let operands = vec![buffer, decoration(Decoration::NonWritable)];
+            module.annotations.push(Instruction { operands, ..inst });
+        });
+        assert_eq!(faults, ["binding 3 (report) is written, but is NonWritable"]);
+    }
+
+    #[test]
+    fn arithmetic_that_may_be_contracted() {
+        let faults = with_fault(|module| {
+            let is_it = |inst: &Instruction| inst.operands.contains(&decoration(Decoration::NoContraction));
+            let at = module.annotations.iter().position(is_it).unwrap();
+            module.annotations.remove(at);
+        });
+        assert_eq!(faults, ["1 float operations without NoContraction"]);
+    }
+
+    #[test]
+    fn capabilities_beyond_the_list_or_the_need() {
+        for (capability, fault) in [
+            (Capability::Float64, "capability Float64 is not allowed"),
+            (Capability::Int64Atomics, "capability Int64Atomics is not needed"),
+        ] {
+            let faults = with_fault(|module| {
+                let operands = vec![Operand::Capability(capability)];
+                module.capabilities.push(Instruction::new(Op::Capability, None, None, operands));
+            });
+            assert_eq!(faults, [fault]);
+        }
+    }
+
+    #[test]
+    fn workgroup_memory_and_wrong_push_constants() {
+        let faults = with_fault(|module| {
+            let values = &mut module.types_global_values;
+            let push = Operand::StorageClass(StorageClass::PushConstant);
+            let variable = values.iter_mut().find(|inst| inst.class.opcode == Op::Variable && inst.operands[0] == push);
+            variable.unwrap().operands[0] = Operand::StorageClass(StorageClass::Workgroup);
+        });
+        let bytes = KERNEL.info().push_bytes;
+        let none = format!("push constants are not one block of {bytes} bytes, but []");
+        assert_eq!(faults, ["Workgroup memory is not allowed", none.as_str()]);
+    }
+
+    #[test]
+    fn another_memory_model() {
+        let glsl = Operand::MemoryModel(MemoryModel::GLSL450);
+        let faults = with_fault(|module| module.memory_model.as_mut().unwrap().operands[1] = glsl);
+        assert_eq!(faults.len(), 1, "{faults:?}");
+        assert!(faults[0].starts_with("memory model is not Logical Vulkan, but "), "{faults:?}");
+    }
+}
