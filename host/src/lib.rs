@@ -6,5 +6,6 @@ pub mod build;
 pub mod bvh;
 pub mod device;
 pub mod optimize;
+pub mod pipeline;
 pub mod report;
 pub mod scene;

@@ -4,3 +4,4 @@ pub mod compare;
 pub mod devices;
 pub mod fixtures;
 pub mod oracle;
+pub mod scenes;

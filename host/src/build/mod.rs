@@ -6,6 +6,7 @@ mod sort;
 pub use lbvh::{MortonBits, lbvh};
 
 use crate::device::{Buffer, Device, DeviceError, DeviceInfo, Recording};
+use crate::scene::MAX_TRIANGLES;
 use prbvh_kernel::Kernel;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::refit::RefitParams;
@@ -57,9 +58,6 @@ impl DeviceTree {
     }
 }
 
-/// Largest number of triangles: node indices have 31 bits.
-pub const MAX_TRIANGLES: usize = 1 << 30;
-
 /// Refuses a scene that does not fit the device, before anything is allocated.
 ///
 /// # Errors
@@ -73,7 +71,7 @@ pub fn check_limits(info: &DeviceInfo, triangles: usize) -> Result<(), DeviceErr
             Ok(())
         }
     };
-    limit("a tree", "31-bit node indices (triangles)", triangles as u64, MAX_TRIANGLES as u64)?;
+    limit("a tree", "31-bit node indices (triangles)", triangles as u64, MAX_TRIANGLES)?;
     let node_bytes = 2 * triangles as u64 * size_of::<Node>() as u64;
     limit("the tree", info.max_buffer_limit, node_bytes, info.max_buffer_bytes)?;
     limit("the optimiser's buffers", "device memory", triangles as u64 * BYTES_PER_TRIANGLE, info.memory_bytes)

@@ -2,9 +2,11 @@
 
 pub mod cpu;
 pub mod record;
+mod select;
 pub mod vulkan;
 
 pub use record::{Buffer, Command, Dispatch, Recording};
+pub use select::{DeviceChoice, NoSuchChoice, open};
 
 use serde::Serialize;
 

@@ -1,7 +1,7 @@
 //! The PRBVH iterations: search, lock, check, reinsert, refit, cost.
 
 use super::schedule::Schedule;
-use super::{IterationRow, PrbvhSettings, StopReason};
+use super::{IterationRow, PrbvhSettings, StopReason, set_relative_errors};
 use crate::build::{DeviceTree, Scratch, arrivals_length, record_refit};
 use crate::bvh::SahModel;
 use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
@@ -133,10 +133,7 @@ impl<'a> WorkingSet<'a> {
             time_s: start.elapsed().as_secs_f64(),
             device_s: self.device_s,
             cost: cost_of(internal),
-            found: 0,
-            owned: 0,
-            applied: 0,
-            most_steps: 0,
+            ..IterationRow::default()
         }];
         let mut best = rows[0].cost;
         let mut is_best = true;
@@ -185,11 +182,13 @@ impl<'a> WorkingSet<'a> {
                 owned: report[OWNED],
                 applied: report[APPLIED],
                 most_steps: report[MOST_STEPS],
+                ..IterationRow::default()
             });
         };
         if !is_best {
             self.restore_best(device)?;
         }
+        set_relative_errors(&mut rows);
         Ok((rows, stop))
     }
 

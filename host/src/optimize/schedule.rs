@@ -121,7 +121,7 @@ impl Schedule {
             self.best = row.cost;
         }
         // Written so that a NaN settles.
-        let settled = !(change > self.epsilon) || self.since_best >= self.patience;
+        let settled = change.partial_cmp(&self.epsilon) != Some(std::cmp::Ordering::Greater) || self.since_best >= self.patience;
         if self.mu == 1 && (settled || row.applied == 0) {
             return Some(StopReason::Converged);
         }
@@ -138,17 +138,7 @@ mod tests {
     use super::*;
 
     fn row(cost: f64, applied: u32) -> IterationRow {
-        IterationRow {
-            iteration: 0,
-            mu: 0,
-            time_s: 0.0,
-            device_s: 0.0,
-            cost,
-            found: applied,
-            owned: applied,
-            applied,
-            most_steps: 0,
-        }
+        IterationRow { cost, found: applied, owned: applied, applied, ..IterationRow::default() }
     }
 
     fn schedule(mu: u32, epsilon: Epsilon, patience: u32) -> Schedule {

@@ -1,6 +1,6 @@
 //! `iterations.csv`.
 
-use super::IterationRow;
+use crate::optimize::IterationRow;
 use std::io::{self, Write};
 
 /// Writes a header and a row per iteration. Floats have as many digits as it takes to read the same bits back.

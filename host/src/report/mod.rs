@@ -15,9 +15,7 @@ pub mod write;
 
 pub use machine::Machine;
 pub use phases::{Phase, PhaseTimes};
-pub use run::{
-    IterationRow, Memory, Program, QualityReport, RunReport, SCHEMA, SceneReport, Settings, set_relative_errors,
-};
+pub use run::{Memory, Program, QualityReport, RunReport, SCHEMA, SceneReport, Settings};
 pub use table::table;
 
 use std::path::{Path, PathBuf};

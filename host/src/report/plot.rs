@@ -1,7 +1,8 @@
 //! `convergence.svg`: cost and relative error against run time.
 
 use super::axis::Axis;
-use super::{IterationRow, RunReport, format};
+use super::{RunReport, format};
+use crate::optimize::IterationRow;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -178,7 +179,7 @@ fn draw_panel<'a>(area: &DrawingArea<SVGBackend<'a>, plotters::coord::Shift>, pa
 
 #[cfg(test)]
 mod tests {
-    use super::super::set_relative_errors;
+    use crate::optimize::set_relative_errors;
     use super::super::testing::report;
     use super::*;
 

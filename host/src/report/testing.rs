@@ -3,6 +3,7 @@
 use super::*;
 use crate::bvh::{Quality, SahModel};
 use crate::device::{DeviceInfo, DeviceKind, Timing};
+use crate::optimize::{IterationRow, set_relative_errors};
 
 /// A run of so many iterations whose cost falls from 312.5 towards 195, with a bump now and then.
 pub(super) fn report(iterations: u32) -> RunReport {

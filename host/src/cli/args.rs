@@ -1,0 +1,185 @@
+//! What the command line can say.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use prbvh::build::MortonBits;
+use prbvh::device::DeviceChoice;
+use prbvh::optimize::{Epsilon, PrbvhSettings};
+use prbvh::pipeline::{Initial, Settings, Strategy};
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Makes the bounding volume hierarchy of a triangle scene better, by parallel reinsertion (Meister & Bittner 2018).
+///
+/// Without a command: optimises the built-in scene on the best device and writes a report to `prbvh-report`.
+#[derive(Debug, Parser)]
+#[command(name = "prbvh", version, about, long_about)]
+pub(super) struct Cli {
+    /// Say less: -q only warnings, -qq only errors.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    pub(super) quiet: u8,
+    /// Say more.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    pub(super) verbose: u8,
+    #[command(subcommand)]
+    pub(super) command: Option<Command>,
+}
+
+#[derive(Debug, Subcommand)]
+pub(super) enum Command {
+    /// Build a tree over a scene and optimise it.
+    Optimize(Box<OptimizeArgs>),
+    /// Read a `tree.bvh` back, validate it and say what it is worth.
+    Stats(StatsArgs),
+    /// List the devices and the limits that matter.
+    Devices(DevicesArgs),
+}
+
+#[derive(Debug, Args)]
+pub(super) struct OptimizeArgs {
+    /// OBJ, PLY, STL, glTF or GLB file (also .xz, .gz, .zst), or `built-in`.
+    #[arg(default_value = BUILT_IN)]
+    pub(super) scene: PathBuf,
+    /// Size of the built-in scene.
+    #[arg(long, value_name = "N")]
+    pub(super) triangles: Option<usize>,
+    /// Builder of the initial tree.
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) initial: InitialArg,
+    /// Bits of the Morton codes that the initial tree is built from.
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) morton_bits: MortonBitsArg,
+    /// When a reinsertion may run beside others.
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) strategy: StrategyArg,
+    /// Search every µ-th node in an iteration; falls to 1 as the cost settles.
+    #[arg(long, default_value_t = PrbvhSettings::default().mu, value_name = "µ", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(super) mu: u32,
+    /// Change of the cost that counts as none, as a part of the initial cost [default: 0.0001].
+    #[arg(long, value_name = "PART", value_parser = not_negative)]
+    pub(super) epsilon: Option<f64>,
+    /// The same in the unit of the cost; the paper has 0.1.
+    #[arg(long, value_name = "COST", value_parser = not_negative, conflicts_with = "epsilon")]
+    pub(super) epsilon_absolute: Option<f64>,
+    /// Start no iteration after this many seconds.
+    #[arg(long, value_name = "SECONDS", value_parser = not_negative)]
+    pub(super) max_time: Option<f64>,
+    /// Most iterations.
+    #[arg(long, default_value_t = PrbvhSettings::default().max_iterations, value_name = "N")]
+    pub(super) max_iterations: u32,
+    /// auto, cpu, vulkan or vulkan:N.
+    #[arg(long, default_value_t, value_name = "DEVICE")]
+    pub(super) device: DeviceChoice,
+    /// Threads of the CPU device; 0 for one per core.
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads)]
+    pub(super) threads: usize,
+    /// Write report.json, iterations.csv, convergence.svg and tree.bvh to this folder.
+    #[arg(long, value_name = "DIR")]
+    pub(super) out: Option<PathBuf>,
+    /// Print one JSON object to stdout instead of the table.
+    #[arg(long)]
+    pub(super) json: bool,
+    /// Turn Vulkan's validation layer on.
+    #[arg(long)]
+    pub(super) validate: bool,
+}
+
+/// The scene that needs no file.
+pub(super) const BUILT_IN: &str = "built-in";
+
+impl OptimizeArgs {
+    /// What `prbvh` without a command does.
+    pub(super) fn main_job() -> Self {
+        let Cli { command, .. } = Cli::parse_from(["prbvh", "optimize", BUILT_IN, "--out", "prbvh-report"]);
+        match command {
+            Some(Command::Optimize(args)) => *args,
+            _ => unreachable!("the arguments above say `optimize`"),
+        }
+    }
+
+    /// The settings that the arguments say.
+    pub(super) fn settings(&self) -> Settings {
+        let defaults = PrbvhSettings::default();
+        let epsilon = match (self.epsilon, self.epsilon_absolute) {
+            (_, Some(change)) => Epsilon::Absolute(change),
+            (Some(part), None) => Epsilon::Relative(part),
+            (None, None) => defaults.epsilon,
+        };
+        Settings {
+            initial: match self.initial {
+                InitialArg::Lbvh => Initial::Lbvh,
+            },
+            morton_bits: match self.morton_bits {
+                MortonBitsArg::Thirty => MortonBits::Thirty,
+                MortonBitsArg::Sixty => MortonBits::Sixty,
+            },
+            strategy: match self.strategy {
+                StrategyArg::Aggressive => Strategy::Aggressive,
+            },
+            prbvh: PrbvhSettings {
+                mu: self.mu,
+                epsilon,
+                max_iterations: self.max_iterations,
+                max_time: self.max_time.map(|seconds| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)),
+                ..defaults
+            },
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub(super) enum InitialArg {
+    #[default]
+    Lbvh,
+}
+
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub(super) enum StrategyArg {
+    #[default]
+    Aggressive,
+}
+
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub(super) enum MortonBitsArg {
+    #[value(name = "30")]
+    Thirty,
+    #[default]
+    #[value(name = "60")]
+    Sixty,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct StatsArgs {
+    /// The tree.
+    pub(super) tree: PathBuf,
+    /// The scene that the tree was built over: checks triangles and leaf boxes too.
+    #[arg(long)]
+    pub(super) scene: Option<PathBuf>,
+    /// Size of the built-in scene, if that is the scene.
+    #[arg(long, value_name = "N", requires = "scene")]
+    pub(super) triangles: Option<usize>,
+    /// Print one JSON object.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct DevicesArgs {
+    /// Print one JSON array.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value >= 0.0 => Ok(value),
+        _ => Err("not a number of at least 0".to_owned()),
+    }
+}
+
+fn threads(text: &str) -> Result<usize, String> {
+    const MOST: usize = 1024;
+    match text.parse::<usize>() {
+        Ok(threads) if threads <= MOST => Ok(threads),
+        _ => Err(format!("not a number from 0 to {MOST}")),
+    }
+}

@@ -1,0 +1,65 @@
+//! The log on stderr, and the progress bar that it must not tear.
+
+use indicatif::{ProgressBar, ProgressStyle};
+use std::io::{self, IsTerminal, Write};
+use std::sync::{Arc, Mutex, PoisonError};
+use tracing_subscriber::filter::LevelFilter;
+
+/// The running progress bar, if there is one.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Log(Arc<Mutex<Option<ProgressBar>>>);
+
+/// Starts the log: information by default, each `quiet` less, each `verbose` more.
+pub(super) fn start(quiet: u8, verbose: u8) -> Log {
+    let log = Log::default();
+    let level = match i16::from(verbose) - i16::from(quiet) {
+        ..=-2 => LevelFilter::ERROR,
+        -1 => LevelFilter::WARN,
+        0 => LevelFilter::INFO,
+        1 => LevelFilter::DEBUG,
+        _ => LevelFilter::TRACE,
+    };
+    let writer = log.clone();
+    tracing_subscriber::fmt()
+        .with_max_level(level)
+        .without_time()
+        .with_target(false)
+        .with_ansi(io::stderr().is_terminal())
+        .with_writer(move || writer.clone())
+        .init();
+    log
+}
+
+impl Log {
+    /// A bar over at most `iterations` iterations; invisible where stderr is no terminal.
+    pub(super) fn bar(&self, iterations: u32) -> ProgressBar {
+        let bar = ProgressBar::new(u64::from(iterations));
+        if let Ok(style) = ProgressStyle::with_template("{spinner} iteration {pos}, {elapsed}, {wide_msg}") {
+            bar.set_style(style);
+        }
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(bar.clone());
+        bar
+    }
+
+    /// Takes the bar away.
+    pub(super) fn end_bar(&self) {
+        if let Some(bar) = self.0.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+impl Write for Log {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let bar = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let write = || io::stderr().write_all(bytes).map(|()| bytes.len());
+        match &*bar {
+            Some(bar) => bar.suspend(write),
+            None => write(),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        io::stderr().flush()
+    }
+}

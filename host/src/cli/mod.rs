@@ -1,0 +1,65 @@
+//! The command line: arguments in, tables and files out.
+
+mod args;
+mod devices;
+mod interrupt;
+mod log;
+mod optimize;
+mod stats;
+
+use args::{BUILT_IN, Cli, Command, OptimizeArgs};
+use clap::Parser;
+use prbvh::report::Machine;
+use prbvh::scene::{self, Scene};
+use std::path::Path;
+use std::process::ExitCode;
+
+/// Runs the command; errors go to stderr with their causes.
+pub(crate) fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let log = log::start(cli.quiet, cli.verbose);
+    let result = match cli.command {
+        None => optimize::run(&OptimizeArgs::main_job(), &log),
+        Some(Command::Optimize(args)) => optimize::run(&args, &log),
+        Some(Command::Stats(args)) => stats::run(&args),
+        Some(Command::Devices(args)) => devices::run(&args),
+    };
+    match result {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("prbvh: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Prints a line to stdout; a reader that went away (`prbvh … | head`) is no error.
+fn print(text: &str) {
+    use std::io::Write;
+    let _ = writeln!(std::io::stdout().lock(), "{text}");
+}
+
+/// The scene that an argument names.
+fn load_scene(path: &Path, triangles: Option<usize>) -> anyhow::Result<Scene> {
+    if path == Path::new(BUILT_IN) {
+        let triangles = triangles.unwrap_or(scene::DEFAULT_TRIANGLES);
+        let most = most_triangles();
+        anyhow::ensure!(
+            (1..=most).contains(&triangles),
+            "--triangles {triangles}: this machine holds a built-in scene of 1 to {most} triangles"
+        );
+        return Ok(scene::built_in(triangles));
+    }
+    anyhow::ensure!(triangles.is_none(), "--triangles is for the built-in scene, not for {}", path.display());
+    Ok(scene::load(path)?)
+}
+
+/// Size of the built-in scene that fits the machine's memory, trees and copies included.
+fn most_triangles() -> usize {
+    const BYTES_PER_TRIANGLE: u64 = 400;
+    let most = match Machine::current().memory_bytes {
+        0 => scene::MAX_TRIANGLES,
+        memory => (memory / BYTES_PER_TRIANGLE).min(scene::MAX_TRIANGLES),
+    };
+    usize::try_from(most).unwrap_or(usize::MAX)
+}

@@ -1,0 +1,124 @@
+//! `prbvh optimize`, and `prbvh` alone.
+
+use super::args::{InitialArg, OptimizeArgs, StrategyArg};
+use super::interrupt::Interrupt;
+use super::log::Log;
+use super::{load_scene, print};
+use anyhow::Context;
+use clap::ValueEnum;
+use prbvh::bvh::{self, SahModel};
+use prbvh::device::{self, Device};
+use prbvh::optimize::{Epsilon, IterationRow, StopReason};
+use prbvh::pipeline::{self, Optimized, Settings};
+use prbvh::report::{self, Machine, Memory, PhaseTimes, Program, QualityReport, RunReport, SceneReport};
+use prbvh::scene::Scene;
+use std::ops::ControlFlow;
+use std::process::ExitCode;
+
+/// Columns where the width of the terminal is not known.
+const DEFAULT_COLUMNS: u16 = 100;
+
+pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
+    let interrupt = Interrupt::listen();
+    let mut device = device::open(args.device, args.threads, args.validate)?;
+    let scene = load_scene(&args.scene, args.triangles)?;
+    let settings = args.settings();
+    tracing::info!("{}: {} triangles, on {}", scene.name, scene.triangles.len(), device.info().name);
+
+    let bar = log.bar(settings.prbvh.max_iterations);
+    let result = pipeline::optimize(&scene, &mut *device, &settings, &mut |row| {
+        bar.set_position(u64::from(row.iteration));
+        bar.set_message(format!("cost {:.3}", row.cost));
+        log_row(row);
+        if interrupt.pressed() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    log.end_bar();
+    let result = result?;
+    let report = report(args, &scene, &*device, &settings, &result);
+
+    if let Some(folder) = &args.out {
+        // The tree first: it is what the time was spent on.
+        let tree = folder.join("tree.bvh");
+        bvh::file::write(&tree, &result.tree, &scene.hash)?;
+        tracing::info!("wrote {}", tree.display());
+        for path in report.write(folder)? {
+            tracing::info!("wrote {}", path.display());
+        }
+    }
+    if args.json {
+        print(&serde_json::to_string_pretty(&report).context("report as JSON")?);
+    } else {
+        let columns = console::Term::stdout().size_checked().map_or(DEFAULT_COLUMNS, |(_, columns)| columns);
+        print(&report::table(&report, columns));
+    }
+    if let StopReason::Fault(_) = result.outcome.stop {
+        anyhow::bail!("{}; the best tree before it was kept", result.outcome.stop);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn log_row(row: &IterationRow) {
+    let IterationRow { iteration, mu, time_s, cost, found, owned, applied, .. } = row;
+    tracing::info!(
+        "iteration {iteration:3}  {time_s:8.3} s  cost {cost:9.3}  found {found:7}  owned {owned:7}  applied {applied:7}  µ {mu}"
+    );
+}
+
+fn report(
+    args: &OptimizeArgs,
+    scene: &Scene,
+    device: &dyn Device,
+    settings: &Settings,
+    result: &Optimized,
+) -> RunReport {
+    let triangles = u32::try_from(scene.triangles.len()).unwrap_or(u32::MAX);
+    let mut phases = PhaseTimes::default();
+    phases.add(&result.build_timings);
+    phases.add(&result.outcome.timings);
+    let (epsilon, epsilon_relative) = match settings.prbvh.epsilon {
+        Epsilon::Relative(part) => (part, true),
+        Epsilon::Absolute(change) => (change, false),
+    };
+    let iterations = result.outcome.rows.last().map_or(0, |row| row.iteration);
+    RunReport {
+        schema: report::SCHEMA,
+        scene: scene.name.clone(),
+        triangles,
+        device: device.info().name.clone(),
+        initial_cost: result.initial.sah_cost,
+        final_cost: result.quality.sah_cost,
+        iterations,
+        time_s: result.optimize_s,
+        tree_hash: bvh::tree_hash(&result.tree),
+        phases: phases.phases(),
+        build_s: result.build_s,
+        stop_reason: result.outcome.stop.to_string(),
+        plan: pipeline::plan(scene, device.info(), settings),
+        settings: report::Settings {
+            initial: value_name::<InitialArg>(args.initial),
+            strategy: value_name::<StrategyArg>(args.strategy),
+            mu: settings.prbvh.mu,
+            epsilon,
+            epsilon_relative,
+            max_iterations: Some(settings.prbvh.max_iterations),
+            max_time_s: args.max_time,
+            threads: u32::try_from(args.threads).ok().filter(|&threads| threads > 0),
+            sah: SahModel::default(),
+        },
+        memory: Memory::new(device.memory().peak_bytes, triangles),
+        quality: QualityReport { initial: result.initial, last: result.quality },
+        scene_details: SceneReport {
+            source: scene.source.clone(),
+            hash: scene.hash.clone(),
+            census: serde_json::to_value(&scene.census).unwrap_or_default(),
+        },
+        device_details: device.info().clone(),
+        machine: Machine::current(),
+        program: Program::current(),
+        rows: result.outcome.rows.clone(),
+    }
+}
+
+fn value_name<T: ValueEnum>(value: T) -> String {
+    value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+}

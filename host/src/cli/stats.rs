@@ -1,0 +1,69 @@
+//! `prbvh stats`.
+
+use super::args::StatsArgs;
+use super::{load_scene, print};
+use anyhow::Context;
+use prbvh::bvh::{self, SahModel, TreeFault};
+use std::process::ExitCode;
+
+/// Faults to print; the others are counted.
+const FAULTS_SHOWN: usize = 20;
+
+pub(super) fn run(args: &StatsArgs) -> anyhow::Result<ExitCode> {
+    let file = bvh::file::read(&args.tree)?;
+    let scene = args.scene.as_deref().map(|path| load_scene(path, args.triangles)).transpose()?;
+    if let Some(scene) = &scene {
+        anyhow::ensure!(
+            scene.hash == file.scene_hash,
+            "{} is a tree over the scene with hash {}, but {} has {}",
+            args.tree.display(),
+            file.scene_hash,
+            scene.source,
+            scene.hash
+        );
+    }
+    let triangles = scene.as_ref().map(|scene| scene.triangles.as_slice());
+    if let Err(faults) = bvh::validate(&file.tree, triangles) {
+        return Ok(report_faults(args, &faults));
+    }
+    let model = SahModel::default();
+    let quality = bvh::quality(&file.tree, &model);
+    let hash = bvh::tree_hash(&file.tree);
+    if args.json {
+        let mut json = serde_json::to_value(&quality).context("quality as JSON")?;
+        if let Some(json) = json.as_object_mut() {
+            json.insert("valid".into(), true.into());
+            json.insert("tree_hash".into(), hash.into());
+            json.insert("scene_hash".into(), file.scene_hash.into());
+        }
+        print(&serde_json::to_string_pretty(&json)?);
+    } else {
+        let (c_t, c_i) = (model.c_traversal, model.c_intersect);
+        let leaf_boxes = if scene.is_some() { "leaf boxes checked" } else { "leaf boxes not checked: no --scene" };
+        print(&format!("valid        yes ({leaf_boxes})"));
+        print(&format!("SAH cost     {:.3} (c_T = {c_t}, c_I = {c_i})", quality.sah_cost));
+        print(&format!("depth        {} (leaves {:.1} on average)", quality.max_depth, quality.mean_leaf_depth));
+        print(&format!("nodes        {}", quality.nodes));
+        print(&format!("leaves       {}", quality.leaves));
+        print(&format!("triangles    {}", quality.triangles));
+        print(&format!("tree hash    {hash}"));
+        print(&format!("scene hash   {}", file.scene_hash));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn report_faults(args: &StatsArgs, faults: &[TreeFault]) -> ExitCode {
+    if args.json {
+        let texts: Vec<String> = faults.iter().map(ToString::to_string).collect();
+        print(&serde_json::json!({ "valid": false, "faults": texts }).to_string());
+    } else {
+        eprintln!("prbvh: {} is no valid tree, {} faults:", args.tree.display(), faults.len());
+        for fault in faults.iter().take(FAULTS_SHOWN) {
+            eprintln!("  {fault}");
+        }
+        if faults.len() > FAULTS_SHOWN {
+            eprintln!("  and {} more", faults.len() - FAULTS_SHOWN);
+        }
+    }
+    ExitCode::FAILURE
+}

@@ -1,0 +1,147 @@
+//! The whole way from triangles to the best tree: the same on every device after every iteration.
+
+use prbvh::build::{MortonBits, lbvh};
+use prbvh::bvh::{Bvh, quality, tree_hash, validate};
+use prbvh::device::Device;
+use prbvh::optimize::{Epsilon, IterationRow, PrbvhSettings, StopReason, prbvh};
+use prbvh::pipeline::{Settings, optimize};
+use prbvh::scene::{SafeRange, Scene, built_in};
+use prbvh_tests::devices::devices;
+use prbvh_tests::fixtures::soup;
+use std::ops::ControlFlow;
+
+/// Row and tree hash after each iteration, and the tree that is kept.
+fn trace(device: &mut dyn Device, scene: &Scene, bits: MortonBits, settings: &PrbvhSettings) -> Vec<String> {
+    let triangles = SafeRange::of(&scene.triangles).apply(&scene.triangles);
+    let (tree, _) = lbvh(device, &triangles, bits).unwrap();
+    let mut steps = Vec::new();
+    let mut costs = Vec::new();
+    let outcome = prbvh(device, &tree, settings, &mut |row: &IterationRow, tree, device| {
+        let nodes = tree.download(device).unwrap();
+        let tree = Bvh::from_device(&nodes).unwrap_or_else(|faults| panic!("{faults:?}"));
+        validate(&tree, Some(&triangles)).unwrap_or_else(|faults| panic!("{faults:?}"));
+        let IterationRow { iteration, mu, cost, found, owned, applied, most_steps, .. } = *row;
+        assert!(applied <= owned && owned <= found);
+        let measured = quality(&tree, &Default::default()).sah_cost;
+        assert!((cost / measured - 1.0).abs() < 1e-5, "device says {cost}, f64 says {measured}");
+        costs.push(measured);
+        let hash = tree_hash(&tree);
+        steps.push(format!("{iteration} {mu} {:x} {found} {owned} {applied} {most_steps} {hash}", cost.to_bits()));
+        ControlFlow::Continue(())
+    })
+    .unwrap();
+    let kept = Bvh::from_device(&tree.download(device).unwrap()).unwrap();
+    let kept_cost = quality(&kept, &Default::default()).sah_cost;
+    let best = costs.iter().copied().fold(f64::INFINITY, f64::min);
+    assert!(kept_cost <= costs[0] && (kept_cost / best - 1.0).abs() < 1e-6, "kept {kept_cost}, best {best}");
+    steps.push(format!("{:?} {}", outcome.stop, tree_hash(&kept)));
+    tree.free(device);
+    assert_eq!(device.memory().bytes, 0, "all buffers are given back");
+    steps
+}
+
+fn same_everywhere(scene: &Scene, bits: MortonBits, settings: &PrbvhSettings) -> Vec<String> {
+    let mut first: Option<(String, Vec<String>)> = None;
+    for (name, mut device) in devices() {
+        let steps = trace(&mut *device, scene, bits, settings);
+        match &first {
+            None => first = Some((name, steps)),
+            Some((first_name, expected)) => {
+                for (expected, step) in expected.iter().zip(&steps) {
+                    assert_eq!(expected, step, "{}: {first_name} and {name}", scene.name);
+                }
+                assert_eq!(expected.len(), steps.len());
+            }
+        }
+    }
+    first.expect("there is always the CPU").1
+}
+
+#[test]
+fn the_built_in_scene_is_the_same_everywhere_after_every_iteration() {
+    let steps = same_everywhere(&built_in(6000), MortonBits::Sixty, &PrbvhSettings::default());
+    assert!(steps.len() > 10, "{} steps", steps.len());
+}
+
+#[test]
+fn other_settings_are_the_same_everywhere() {
+    let scene = Scene::from_triangles("soup", soup(1500, 0.2, 1)).unwrap();
+    for mu in [1, 4, 5000] {
+        let settings = PrbvhSettings { mu, max_iterations: 12, ..PrbvhSettings::default() };
+        same_everywhere(&scene, MortonBits::Thirty, &settings);
+    }
+}
+
+#[test]
+fn tiny_scenes_are_the_same_everywhere() {
+    for n in [1, 2, 3, 4, 5] {
+        let scene = Scene::from_triangles("tiny", soup(n, 0.2, n as u64)).unwrap();
+        same_everywhere(&scene, MortonBits::Sixty, &PrbvhSettings::default());
+    }
+}
+
+fn run(scene: &Scene, settings: &Settings, stop_at: u32) -> prbvh::pipeline::Optimized {
+    let (_, mut device) = devices().remove(0);
+    optimize(scene, &mut *device, settings, &mut |row| {
+        if row.iteration >= stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })
+    .unwrap()
+}
+
+#[test]
+fn the_cost_falls_well_below_the_initial_one() {
+    let result = run(&built_in(20_000), &Settings::default(), u32::MAX);
+    assert_eq!(result.outcome.stop, StopReason::Converged);
+    assert!(result.quality.sah_cost < 0.8 * result.initial.sah_cost, "{:?} {:?}", result.initial, result.quality);
+}
+
+#[test]
+fn a_cancelled_run_keeps_the_best_tree_so_far() {
+    let scene = built_in(5000);
+    let result = run(&scene, &Settings::default(), 3);
+    assert_eq!(result.outcome.stop, StopReason::Cancelled);
+    assert_eq!(result.outcome.rows.len(), 4);
+    assert!(result.quality.sah_cost < result.initial.sah_cost);
+    let nothing = run(&scene, &Settings::default(), 0);
+    assert_eq!(nothing.quality, nothing.initial);
+}
+
+#[test]
+fn limits_end_a_run() {
+    let scene = built_in(5000);
+    let mut settings = Settings::default();
+    settings.prbvh.max_iterations = 2;
+    let result = run(&scene, &settings, u32::MAX);
+    assert_eq!((result.outcome.stop, result.outcome.rows.len()), (StopReason::MaxIterations, 3));
+    settings.prbvh.max_time = Some(std::time::Duration::ZERO);
+    let result = run(&scene, &settings, u32::MAX);
+    assert_eq!((result.outcome.stop, result.outcome.rows.len()), (StopReason::MaxTime, 1));
+    assert_eq!(result.quality, result.initial);
+}
+
+#[test]
+fn an_epsilon_of_zero_ends() {
+    let scene = Scene::from_triangles("soup", soup(300, 0.2, 3)).unwrap();
+    let mut settings = Settings::default();
+    settings.prbvh.epsilon = Epsilon::Absolute(0.0);
+    assert_eq!(run(&scene, &settings, u32::MAX).outcome.stop, StopReason::Converged);
+}
+
+#[test]
+fn powers_of_two_change_no_topology() {
+    let triangles = soup(800, 0.1, 4);
+    let result = run(&Scene::from_triangles("soup", triangles.clone()).unwrap(), &Settings::default(), u32::MAX);
+    for exponent in [-60, -7, 1, 60] {
+        let scale = |p: [f32; 3]| p.map(|x| x * 2f32.powi(exponent));
+        let scaled = triangles.iter().map(|t| prbvh_kernel::setup::Triangle {
+            a: scale(t.a),
+            b: scale(t.b),
+            c: scale(t.c),
+        });
+        let scaled = run(&Scene::from_triangles("scaled", scaled.collect()).unwrap(), &Settings::default(), u32::MAX);
+        assert_eq!(scaled.outcome.rows.len(), result.outcome.rows.len());
+        let topology = |tree: &Bvh| tree.nodes.iter().map(|node| (node.parent, node.content)).collect::<Vec<_>>();
+        assert!(topology(&scaled.tree) == topology(&result.tree), "2^{exponent}");
+        assert!((scaled.quality.sah_cost / result.quality.sah_cost - 1.0).abs() < 1e-6);
+    }
+}
