@@ -163,7 +163,7 @@ fn draw_panel<'a>(area: &DrawingArea<SVGBackend<'a>, plotters::coord::Shift>, pa
         let at = (panel.x.place(*x), panel.y.place(*y));
         // Inwards; curves fall, so there is room to the upper right and the lower left.
         let (side, shift) = if at.0 > middle { (HPos::Right, (-16, 14)) } else { (HPos::Left, (14, -14)) };
-        let low = panel.y.place(*y) < panel.y.range().start + 0.15 * (panel.y.range().end - panel.y.range().start);
+        let low = panel.y.place(*y) < panel.y.range().start + 0.1 * (panel.y.range().end - panel.y.range().start);
         let (shift, from) = match side {
             HPos::Right if low => ((0, -18), VPos::Bottom),
             HPos::Right => (shift, VPos::Top),
