@@ -89,7 +89,8 @@ fn error_panel(rows: &[&IterationRow]) -> Panel {
     } else {
         (Axis::from_zero(times()), "run time (s)")
     };
-    let close = rows.iter().find(|row| row.relative_error <= 0.01).filter(|row| row.time_s > 0.0);
+    let close =
+        rows.iter().find(|row| row.relative_error <= 0.01).filter(|row| row.time_s > 0.0 && row.relative_error > 0.0);
     let label = |row: &&IterationRow| {
         let text = format!("within 1 % after {}, iteration {}", format::seconds(row.time_s), row.iteration);
         (row.time_s, row.relative_error, text)
