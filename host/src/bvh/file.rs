@@ -97,7 +97,7 @@ pub fn write(path: &Path, tree: &Bvh, scene_hash: &str) -> Result<(), TreeFileEr
 /// Reads a tree. Its links and triangle ids are right; ask [`validate`](super::validate()) about its boxes.
 ///
 /// # Errors
-/// [`TreeFileError::Read`] if there is no such file, [`TreeFileError::Malformed`] if it is not exactly what [`write`] writes.
+/// [`TreeFileError::Read`] if there is no such file, [`TreeFileError::Malformed`] if it is not exactly what [`write()`] writes.
 pub fn read(path: &Path) -> Result<TreeFile, TreeFileError> {
     let failed = |source| TreeFileError::Read { path: path.to_owned(), source };
     // A device or a pipe could go on for ever.

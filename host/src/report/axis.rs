@@ -27,7 +27,8 @@ impl Axis {
     pub(super) fn around(values: impl Iterator<Item = f64>) -> Self {
         let (low, high) = extremes(values).unwrap_or((0.0, 1.0));
         let span = (high - low).max(high.abs() * SMALLEST_SPAN).max(f64::MIN_POSITIVE);
-        Self { range: low - 0.1 * span..high + 0.1 * span, log: false }
+        // More room below, where the last label stands.
+        Self { range: low - 0.16 * span..high + 0.1 * span, log: false }
     }
 
     /// Whole decades around the positive values, and one more below so that what is clipped there stands apart.

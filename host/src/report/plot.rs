@@ -90,7 +90,8 @@ fn error_panel(rows: &[&IterationRow]) -> Panel {
     } else {
         (Axis::from_zero(times()), "run time (s)")
     };
-    let close = rows.iter().find(|row| row.relative_error <= 0.01).filter(|row| row.time_s > 0.0);
+    let close =
+        rows.iter().find(|row| row.relative_error <= 0.01).filter(|row| row.time_s > 0.0 && row.relative_error > 0.0);
     let label = |row: &&IterationRow| {
         let text = format!("within 1 % after {}, iteration {}", format::seconds(row.time_s), row.iteration);
         (row.time_s, row.relative_error, text)
@@ -164,7 +165,7 @@ fn draw_panel<'a>(area: &DrawingArea<SVGBackend<'a>, plotters::coord::Shift>, pa
         let at = (panel.x.place(*x), panel.y.place(*y));
         // Inwards; curves fall, so there is room to the upper right and the lower left.
         let (side, shift) = if at.0 > middle { (HPos::Right, (-16, 14)) } else { (HPos::Left, (14, -14)) };
-        let low = panel.y.place(*y) < panel.y.range().start + 0.15 * (panel.y.range().end - panel.y.range().start);
+        let low = panel.y.place(*y) < panel.y.range().start + 0.1 * (panel.y.range().end - panel.y.range().start);
         let (shift, from) = match side {
             HPos::Right if low => ((0, -18), VPos::Bottom),
             HPos::Right => (shift, VPos::Top),
