@@ -88,15 +88,19 @@ fn check(root: &Path, folder: &Path, rust_gpu_dir: Option<&Path>) -> Result<()> 
     let (mut faults, modules) = manifest.compare_files(folder)?;
     faults.extend(manifest.compare_source(&sources::hash(root)?));
     faults.extend(reflect::faults(&modules));
-    no_faults(&faults)?;
     let Some(compiler) = compiler::find(root, rust_gpu_dir, Fetch::Never)? else {
+        no_faults(&faults)?;
         println!("{} modules: hashes and reflection checked; not rebuilt: no rust-gpu compiler here", modules.len());
         return Ok(());
     };
     let (rebuilt, new) = build(root, &compiler)?;
     let differ = compare(&modules, &new);
-    if manifest.same_tools(&rebuilt) {
-        no_faults(&differ)?;
+    let same_tools = manifest.same_tools(&rebuilt);
+    if same_tools {
+        faults.extend(differ.iter().cloned());
+    }
+    no_faults(&faults)?;
+    if same_tools {
         println!("{} modules: hashes and reflection checked, and rebuilt to the same bytes", modules.len());
     } else {
         // Another version may give other bytes without anybody being at fault.
