@@ -1,4 +1,4 @@
-//! The table of kernels: each row makes a SPIR-V entry point, its [`KernelInfo`] and its native entry.
+//! The table of kernels: each row makes a SPIR-V entry point, its [`KernelInfo`](crate::KernelInfo) and its native entry.
 //!
 //! A row names the kernel (variant of [`Kernel`] and SPIR-V entry point), its push constants, its buffers in the order of their
 //! bindings with what it may do to them (see [`crate::mem`]), and the function that one invocation runs.
@@ -30,6 +30,7 @@ macro_rules! kernels {
             #[doc = concat!("SPIR-V entry point of [`Kernel::", stringify!($variant), "`].")]
             #[spirv(compute(threads(64)))]
             #[inline(always)]
+            #[allow(clippy::too_many_arguments, reason = "an entry has a parameter for each buffer")]
             pub fn $name(
                 #[spirv(global_invocation_id)] id: UVec3,
                 #[spirv(num_workgroups)] workgroups: UVec3,

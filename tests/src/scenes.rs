@@ -5,10 +5,8 @@ use std::path::{Path, PathBuf};
 /// Folder of real scenes: `PRBVH_SCENES`, else `../shared/scenes` beside the checkout.
 #[must_use]
 pub fn folder() -> PathBuf {
-    std::env::var_os("PRBVH_SCENES").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/scenes"),
-        PathBuf::from,
-    )
+    std::env::var_os("PRBVH_SCENES")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/scenes"), PathBuf::from)
 }
 
 /// Files of the shared scenes by size; says on stderr where there are none.

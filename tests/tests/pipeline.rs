@@ -133,11 +133,8 @@ fn powers_of_two_change_no_topology() {
     let result = run(&Scene::from_triangles("soup", triangles.clone()).unwrap(), &Settings::default(), u32::MAX);
     for exponent in [-60, -7, 1, 60] {
         let scale = |p: [f32; 3]| p.map(|x| x * 2f32.powi(exponent));
-        let scaled = triangles.iter().map(|t| prbvh_kernel::setup::Triangle {
-            a: scale(t.a),
-            b: scale(t.b),
-            c: scale(t.c),
-        });
+        let scaled =
+            triangles.iter().map(|t| prbvh_kernel::setup::Triangle { a: scale(t.a), b: scale(t.b), c: scale(t.c) });
         let scaled = run(&Scene::from_triangles("scaled", scaled.collect()).unwrap(), &Settings::default(), u32::MAX);
         assert_eq!(scaled.outcome.rows.len(), result.outcome.rows.len());
         let topology = |tree: &Bvh| tree.nodes.iter().map(|node| (node.parent, node.content)).collect::<Vec<_>>();

@@ -121,7 +121,8 @@ impl Schedule {
             self.best = row.cost;
         }
         // Written so that a NaN settles.
-        let settled = change.partial_cmp(&self.epsilon) != Some(std::cmp::Ordering::Greater) || self.since_best >= self.patience;
+        let settled =
+            change.partial_cmp(&self.epsilon) != Some(std::cmp::Ordering::Greater) || self.since_best >= self.patience;
         if self.mu == 1 && (settled || row.applied == 0) {
             return Some(StopReason::Converged);
         }

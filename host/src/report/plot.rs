@@ -180,9 +180,9 @@ fn draw_panel<'a>(area: &DrawingArea<SVGBackend<'a>, plotters::coord::Shift>, pa
 
 #[cfg(test)]
 mod tests {
-    use crate::optimize::set_relative_errors;
     use super::super::testing::report;
     use super::*;
+    use crate::optimize::set_relative_errors;
 
     /// Points of both panels; rings around labelled ones are not filled.
     fn points(svg: &str) -> usize {

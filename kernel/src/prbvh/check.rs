@@ -18,9 +18,7 @@ pub fn check(
     found: &[Slot<Reinsertion>],
     report: &[AtomicU32],
 ) {
-    check_with(i, params, nodes, found, report, |v, decrease, input| {
-        locks[v] == lock_key(decrease, input)
-    });
+    check_with(i, params, nodes, found, report, |v, decrease, input| locks[v] == lock_key(decrease, input));
 }
 
 /// Invocation `i` checks locks of two 32-bit words.

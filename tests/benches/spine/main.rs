@@ -98,11 +98,5 @@ fn measure(scene: &Scene, arguments: &Arguments) -> Row {
         }
     }
     let obvhs = (!arguments.no_peer).then(|| peer::measure(scene, arguments.repeat));
-    Row {
-        scene: scene.name.clone(),
-        scene_hash: scene.hash.clone(),
-        triangles: scene.triangles.len(),
-        devices,
-        obvhs,
-    }
+    Row { scene: scene.name.clone(), scene_hash: scene.hash.clone(), triangles: scene.triangles.len(), devices, obvhs }
 }

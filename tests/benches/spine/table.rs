@@ -84,7 +84,8 @@ pub(crate) fn peers(rows: &[Row]) -> String {
 /// Exponents of time against triangles.
 pub(crate) fn growth(rows: &[Row]) -> String {
     let mut text = String::new();
-    let names: Vec<&String> = rows.first().map(|row| row.devices.iter().map(|m| &m.device).collect()).unwrap_or_default();
+    let names: Vec<&String> =
+        rows.first().map(|row| row.devices.iter().map(|m| &m.device).collect()).unwrap_or_default();
     for name in names {
         let fit = |time: fn(&Measured) -> f64| {
             let points: Vec<(f64, f64)> = per_device(rows)
