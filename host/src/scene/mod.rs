@@ -1,1 +1,102 @@
 //! Scenes: files and the built-in one, as triangles.
+
+mod built_in;
+mod census;
+mod error;
+mod gltf;
+mod obj;
+mod open;
+mod ply;
+mod range;
+mod stl;
+
+#[cfg(test)]
+mod tests;
+
+pub use built_in::DEFAULT_TRIANGLES;
+pub use census::Census;
+pub use error::{MAX_TRIANGLES, Place, SceneError};
+pub use range::SafeRange;
+
+use error::Blame;
+use open::Format;
+use prbvh_kernel::setup::Triangle;
+use rayon::prelude::*;
+use std::path::Path;
+
+/// Triangles with all that is known of them before anything is built. There is at least one and at most [`MAX_TRIANGLES`], and
+/// all coordinates are finite.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Scene {
+    /// Short name: that of the file without folder and extensions.
+    pub name: String,
+    /// Path of the file, or `built-in`, or `library` for [`Scene::from_triangles`].
+    pub source: String,
+    /// The triangles, in the order of the file.
+    pub triangles: Vec<Triangle>,
+    /// Counts and measures.
+    pub census: Census,
+    /// BLAKE3 of the bytes of the triangles, the first 128 bits as 32 hex digits: the same for the same triangles in any format.
+    pub hash: String,
+}
+
+impl Scene {
+    /// A scene of the library's user.
+    ///
+    /// # Errors
+    /// [`SceneError::NotFinite`], [`SceneError::NoTriangles`] or [`SceneError::TooMany`].
+    pub fn from_triangles(name: impl Into<String>, triangles: Vec<Triangle>) -> Result<Self, SceneError> {
+        let name = name.into();
+        let blame = Blame(&name);
+        blame.limit(triangles.len() as u64)?;
+        let finite = |t: &Triangle| t.a.iter().chain(&t.b).chain(&t.c).all(|x| x.is_finite());
+        if let Some(index) = triangles.par_iter().position_first(|triangle| !finite(triangle)) {
+            for corner in [triangles[index].a, triangles[index].b, triangles[index].c] {
+                blame.finite(Place::Element("triangle", index as u64), corner)?;
+            }
+        }
+        Self::screened(name, "library".into(), triangles)
+    }
+
+    /// A scene of triangles that are finite and not too many.
+    fn screened(name: String, source: String, triangles: Vec<Triangle>) -> Result<Self, SceneError> {
+        if triangles.is_empty() {
+            return Err(SceneError::NoTriangles { file: if source == "library" { name } else { source } });
+        }
+        let (census, hash) = rayon::join(|| Census::of(&triangles), || hash(&triangles));
+        Ok(Self { name, source, triangles, census, hash })
+    }
+}
+
+/// Loads a scene file: OBJ, PLY, STL, glTF or GLB by its extension, which `.xz`, `.gz` or `.zst` may follow.
+///
+/// Only positions and faces are read. Polygons become fans around their first corner.
+///
+/// # Errors
+/// A [`SceneError`] that names the file, the line or element, and the value at fault.
+pub fn load(path: &Path) -> Result<Scene, SceneError> {
+    let opened = open::open(path)?;
+    let (name, file) = (opened.name.clone(), opened.file.clone());
+    let triangles = match opened.format {
+        Format::Obj => obj::read(opened),
+        Format::Ply => ply::read(opened),
+        Format::Stl => stl::read(opened),
+        Format::Gltf => gltf::read(opened, path),
+    }?;
+    Scene::screened(name, file, triangles)
+}
+
+/// The built-in scene of exactly `triangles` triangles (at least 1, at most [`MAX_TRIANGLES`]): a hall with columns and arches,
+/// benches, chandeliers, a statue, railings, cables, and a carpet of tufts. The same bits on every machine. It is whole from
+/// about 1,000 triangles on; fewer are the first of that many.
+#[must_use]
+pub fn built_in(triangles: usize) -> Scene {
+    let triangles = built_in::hall(triangles.clamp(1, MAX_TRIANGLES as usize));
+    let (census, hash) = rayon::join(|| Census::of(&triangles), || hash(&triangles));
+    Scene { name: "hall".into(), source: "built-in".into(), triangles, census, hash }
+}
+
+fn hash(triangles: &[Triangle]) -> String {
+    blake3::hash(bytemuck::cast_slice(triangles)).to_hex()[..32].to_string()
+}

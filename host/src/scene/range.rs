@@ -1,0 +1,58 @@
+//! The working coordinates of the kernels: the scene, scaled into a range in which no product of extents under- or overflows.
+
+use prbvh_kernel::setup::Triangle;
+use rayon::prelude::*;
+
+/// The largest |coordinate| lies in [2^54, 2^55) after scaling.
+const LARGEST: i32 = 54;
+
+/// Coordinates are multiples of 2^-62 after scaling.
+const GRID: i32 = 62;
+
+/// A power of two that brings a scene into the safe range.
+///
+/// The largest |coordinate| comes to lie in [2^54, 2^55): half surface areas stay below 2^114, which leaves room for sums of
+/// 2^13 of the largest. Coordinates become multiples of 2^-62, which changes only those below 2^-39 in magnitude, 2^-93 of the
+/// scene: extents are then multiples of 2^-62 too, and every product of two is 0 or at least 2^-124. That is a normal float32,
+/// so it makes no difference whether a device flushes denormal numbers to zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct SafeRange {
+    /// Working coordinates are those of the scene times 2^`exponent`.
+    pub exponent: i32,
+}
+
+impl SafeRange {
+    /// The range of finite triangles; `exponent` is 0 where all coordinates are 0.
+    #[must_use]
+    pub fn of(triangles: &[Triangle]) -> Self {
+        let largest_of = |t: &Triangle| t.a.iter().chain(&t.b).chain(&t.c).fold(0_f32, |m, x| m.max(x.abs()));
+        let largest = triangles.par_iter().map(largest_of).reduce(|| 0.0, f32::max);
+        Self::of_largest(largest)
+    }
+
+    /// The range of a scene whose largest |coordinate| is `largest`.
+    #[must_use]
+    pub fn of_largest(largest: f32) -> Self {
+        if largest == 0.0 {
+            return Self { exponent: 0 };
+        }
+        // A denormal float32 is a normal float64, so the exponent field of the latter tells the magnitude of either.
+        let exponent = ((f64::from(largest).to_bits() >> 52) & 0x7ff) as i32 - 1023;
+        Self { exponent: LARGEST - exponent }
+    }
+
+    /// The working coordinates of `triangles`. A zero is +0, so that the smaller and the greater of two are the same bits on all
+    /// devices.
+    #[must_use]
+    pub fn apply(&self, triangles: &[Triangle]) -> Vec<Triangle> {
+        // Scaling and rounding in float64 are exact up to the one rounding to the grid.
+        let (to_grid, from_grid) = (power_of_two(self.exponent + GRID), power_of_two(-GRID));
+        let work = |x: f32| ((f64::from(x) * to_grid).round_ties_even() * from_grid + 0.0) as f32;
+        triangles.par_iter().map(|t| Triangle { a: t.a.map(work), b: t.b.map(work), c: t.c.map(work) }).collect()
+    }
+}
+
+/// 2^`exponent` for a normal float64.
+fn power_of_two(exponent: i32) -> f64 {
+    f64::from_bits(((exponent + 1023) as u64) << 52)
+}
