@@ -2,16 +2,60 @@
 
 use prbvh::device::Device;
 use prbvh::device::cpu::CpuDevice;
+use prbvh::device::vulkan::{self, DeviceSummary, VulkanDevice};
 use prbvh_cpu_sim::Order;
+use std::sync::OnceLock;
 
 /// Orders in which the CPU runs invocations; all must give the same bytes.
 pub const ORDERS: [Order; 5] =
     [Order::Ascending, Order::Descending, Order::Shuffled(1), Order::Shuffled(2), Order::Parallel];
 
-/// Every device by name: the CPU in every order.
+/// Every device by name: the CPU in every order, and every Vulkan device under the validation layer where that is installed.
+///
+/// # Panics
+/// If there is no Vulkan device, unless `PRBVH_WITHOUT_VULKAN=1` says that it is meant so.
 #[must_use]
 pub fn devices() -> Vec<(String, Box<dyn Device>)> {
-    cpu_devices()
+    let mut devices = cpu_devices();
+    devices.extend(vulkan_devices());
+    devices
+}
+
+/// Every Vulkan device that the kernels can run on; none with `PRBVH_WITHOUT_VULKAN=1`.
+///
+/// # Panics
+/// If there is none otherwise.
+#[must_use]
+pub fn vulkan_devices() -> Vec<(String, Box<dyn Device>)> {
+    if std::env::var_os("PRBVH_WITHOUT_VULKAN").is_some_and(|value| value == "1") {
+        let test = std::thread::current().name().unwrap_or("a test").to_owned();
+        eprintln!("not run on Vulkan (PRBVH_WITHOUT_VULKAN=1): {test}");
+        return Vec::new();
+    }
+    let usable = match vulkan::list_devices() {
+        Ok(devices) => devices.into_iter().filter(DeviceSummary::is_usable).collect::<Vec<_>>(),
+        Err(error) => panic!("{error}\nTo test without Vulkan set PRBVH_WITHOUT_VULKAN=1."),
+    };
+    assert!(!usable.is_empty(), "no Vulkan device can run the kernels: see `prbvh devices`");
+    let validate = validation_is_installed();
+    let open = |device: DeviceSummary| {
+        let opened = VulkanDevice::open(vulkan::Selection::Index(device.index), validate)
+            .unwrap_or_else(|error| panic!("{}: {error}", device.name));
+        (device.name, Box::new(opened) as Box<dyn Device>)
+    };
+    usable.into_iter().map(open).collect()
+}
+
+/// Whether the validation layer is there; asked once.
+fn validation_is_installed() -> bool {
+    static INSTALLED: OnceLock<bool> = OnceLock::new();
+    *INSTALLED.get_or_init(|| match VulkanDevice::open(vulkan::Selection::Automatic, true) {
+        Ok(_) => true,
+        Err(error) => {
+            eprintln!("without validation: {error}");
+            false
+        }
+    })
 }
 
 /// The CPU in every order.

@@ -7,9 +7,11 @@ use std::fmt::Write;
 
 /// Machine, program and commit.
 pub(crate) fn machine() -> String {
-    let machine = prbvh::report::Machine::here();
-    let program = prbvh::report::Program::this();
-    format!("{} {} ({}), {machine}", program.name, program.version, program.commit)
+    let machine = prbvh::report::Machine::current();
+    let program = prbvh::report::Program::current();
+    let prbvh::report::Machine { cpu, cores, memory_bytes, os } = machine;
+    let (version, commit) = (program.version, program.commit);
+    format!("prbvh {version} ({commit}), {cpu}, {cores} cores, {} GiB, {os}", memory_bytes >> 30)
 }
 
 fn per_device(rows: &[Row]) -> impl Iterator<Item = (&Row, &Measured)> {
