@@ -88,7 +88,7 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
 }
 
 /// The built-in scene of exactly `triangles` triangles (at least 1, at most [`MAX_TRIANGLES`]): a hall with columns and arches,
-/// benches, chandeliers, a statue, railings, cables, and a carpet of tufts. The same bits on every machine. It is whole from
+/// bookshelves, benches, chandeliers, a statue, railings, cables, and a carpet of tufts. The same bits on every machine. It is whole from
 /// about 1,000 triangles on; fewer are the first of that many.
 #[must_use]
 pub fn built_in(triangles: usize) -> Scene {

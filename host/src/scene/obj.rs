@@ -177,11 +177,12 @@ fn corner_index(blame: Blame<'_>, place: Place, word: &[u8], vertices: u64) -> R
 
 impl BufRead for Statements<'_> {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
-        if self.read == self.text.len() && self.fault.is_none() {
-            if let Err(fault) = self.refill() {
-                self.fault = Some(fault);
-                return Err(io::Error::other("see Statements::fault"));
-            }
+        if self.read == self.text.len()
+            && self.fault.is_none()
+            && let Err(fault) = self.refill()
+        {
+            self.fault = Some(fault);
+            return Err(io::Error::other("see Statements::fault"));
         }
         Ok(&self.text[self.read..])
     }

@@ -134,7 +134,7 @@ impl PropertyAccess for Vertex {
     }
 }
 
-/// Vertex indices of a face; a negative or fractional one stays as it is, to be named in the error.
+/// Vertex indices of a face; a negative one stays as it is, to be named in the error.
 struct Face(Vec<i64>);
 
 impl PropertyAccess for Face {

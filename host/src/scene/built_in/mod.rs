@@ -1,7 +1,8 @@
 //! The built-in scene: a hall, 30 × 9 × 12 metres, y upwards.
 //!
 //! It has what makes the tree of an interior hard: walls of two triangles beside blades of a centimetre, rails as long as the
-//! hall and as thin as a finger, dense curved detail in small places, and much empty space.
+//! hall and as thin as a finger, shelves as long with books between them, dense curved detail in small places, and much
+//! empty space. Reinsertion cuts the SAH cost of its LBVH to about 0.6.
 
 mod mesh;
 mod noise;
@@ -27,12 +28,13 @@ pub(super) fn hall(triangles: usize) -> Vec<Triangle> {
     let mut mesh = Mesh::new(triangles);
     let share = |percent: usize| (triangles as u64 * percent as u64 / 100) as usize;
     shell(&mut mesh);
-    columns(&mut mesh, share(20));
-    arches(&mut mesh, share(7));
-    benches(&mut mesh, share(11));
+    columns(&mut mesh, share(14));
+    arches(&mut mesh, share(5));
+    shelves(&mut mesh, share(18));
+    benches(&mut mesh, share(9));
     chandeliers(&mut mesh, share(18));
-    statue(&mut mesh, share(16));
-    railings(&mut mesh, share(8));
+    statue(&mut mesh, share(11));
+    railings(&mut mesh, share(10));
     cables(&mut mesh, share(4));
     tufts(&mut mesh);
     mesh.triangles
@@ -95,6 +97,27 @@ fn arches(mesh: &mut Mesh, budget: usize) {
             let on_arch = add(scaled(direction, c * (radius + out)), scaled(UP, s * (radius + out)));
             add(centre, add(on_arch, scaled(side, across)))
         });
+    }
+}
+
+/// Shelves along both long walls, full of books of all sizes.
+fn shelves(mesh: &mut Mesh, budget: usize) {
+    const LEVELS: usize = 9;
+    let shelves = (budget / 12 / 8).clamp(1, 2 * LEVELS);
+    let books = (budget / 12).saturating_sub(shelves);
+    let mut noise = Noise::new(2);
+    for shelf in 0..shelves {
+        let y = 0.1 + 0.4 * (shelf / 2) as f64;
+        let wall = [0.02, WIDTH - 0.32][shelf % 2];
+        mesh.cuboid([0.5, y, wall], [LENGTH - 0.5, y + 0.03, wall + 0.3]);
+        let here = books * (shelf + 1) / shelves - books * shelf / shelves;
+        let pitch = (LENGTH - 1.0) / here as f64;
+        for book in 0..here {
+            let x = 0.5 + pitch * book as f64;
+            let thick = pitch * noise.between(0.3, 0.95);
+            let (high, deep) = (noise.between(0.12, 0.34), noise.between(0.1, 0.28));
+            mesh.cuboid([x, y + 0.03, wall], [x + thick, y + 0.03 + high, wall + deep]);
+        }
     }
 }
 

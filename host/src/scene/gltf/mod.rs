@@ -7,8 +7,9 @@ mod transform;
 use super::error::{Blame, Place, SceneError};
 use super::open::Opened;
 use accessor::Accessors;
+use gltf::json::validation::Checked;
 use gltf::mesh::Mode;
-use gltf::{Document, Gltf, Node, Primitive};
+use gltf::{Document, Gltf, Node, Primitive, Semantic};
 use prbvh_kernel::setup::Triangle;
 use std::path::Path;
 use transform::Transform;
@@ -17,9 +18,7 @@ use transform::Transform;
 pub(super) fn read(mut opened: Opened, path: &Path) -> Result<Vec<Triangle>, SceneError> {
     let bytes = opened.read_all()?;
     let blame = Blame(&opened.file);
-    check_glb_length(blame, &bytes)?;
-    let Gltf { document, blob } =
-        Gltf::from_slice(&bytes).map_err(|fault| blame.format(Place::File, fault.to_string()))?;
+    let (document, blob) = parse(blame, &bytes)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let buffers = buffers::load(blame, &document, blob, folder)?;
     let accessors = Accessors { blame, buffers: &buffers };
@@ -52,15 +51,28 @@ pub(super) fn read(mut opened: Opened, path: &Path) -> Result<Vec<Triangle>, Sce
     Ok(triangles)
 }
 
-/// The gltf crate subtracts the size of the header from the length in it without a check.
-fn check_glb_length(blame: Blame<'_>, bytes: &[u8]) -> Result<(), SceneError> {
+/// The valid document in `bytes`, and the binary chunk of a GLB file.
+fn parse(blame: Blame<'_>, bytes: &[u8]) -> Result<(Document, Option<Vec<u8>>), SceneError> {
+    // The gltf crate subtracts the size of the header from the length in it without a check.
     let length = bytes.get(8..12).and_then(|length| length.try_into().ok()).map(u32::from_le_bytes);
-    match length {
-        Some(length) if bytes.starts_with(b"glTF") && length < 12 => {
-            Err(blame.format(Place::File, format!("the header gives a length of {length} bytes, less than its own 12")))
-        }
-        _ => Ok(()),
+    if let Some(length) = length.filter(|length| bytes.starts_with(b"glTF") && *length < 12) {
+        return Err(
+            blame.format(Place::File, format!("the header gives a length of {length} bytes, less than its own 12"))
+        );
     }
+    let explain = |fault: gltf::Error| blame.format(Place::File, fault.to_string());
+    let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes).map_err(explain)?;
+    let json = document.into_json();
+    // The validation of the gltf crate takes the accessor of the positions without a check.
+    let positions = Checked::Valid(Semantic::Positions);
+    let primitives = json.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    for accessor in primitives.filter_map(|primitive| primitive.attributes.get(&positions)) {
+        if accessor.value() >= json.accessors.len() {
+            let message = format!("there is no such accessor: there are {}", json.accessors.len());
+            return Err(blame.format(Place::Element("accessor", accessor.value() as u64), message));
+        }
+    }
+    Ok((Document::from_json(json).map_err(explain)?, blob))
 }
 
 fn roots(document: &Document) -> Box<dyn Iterator<Item = Node<'_>> + '_> {
@@ -84,7 +96,7 @@ fn corners(
     if !matches!(primitive.mode(), Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
         return Ok(Vec::new());
     }
-    let Some(accessor) = primitive.get(&gltf::Semantic::Positions) else { return Ok(Vec::new()) };
+    let Some(accessor) = primitive.get(&Semantic::Positions) else { return Ok(Vec::new()) };
     let index = accessor.index();
     let positions = accessors.positions(accessor)?;
     let moved: Vec<_> = positions.iter().map(|position| transform.apply(*position)).collect();

@@ -135,7 +135,8 @@ fn a_node_may_have_many_descendants() {
 
 #[test]
 fn faults_name_place_and_value() {
-    let cases: [(Vec<u8>, &[&str]); 9] = [
+    let cases: [(Vec<u8>, &[&str]); 10] = [
+        (embedded(PLAIN, r#"{"attributes":{"POSITION":7}}"#, "").into(), &["accessor 7", "there are 2"]),
         (embedded(r#"[{"mesh":0,"children":[0]}]"#, INDEXED, "").into(), &["node 0", "its own ancestor"]),
         (
             embedded(r#"[{"mesh":0,"scale":[1e38,1,1]},{}]"#, INDEXED, "").replace("1e38", "3e38").into(),
