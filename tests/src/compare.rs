@@ -1,6 +1,6 @@
 //! Runs a kernel on every device in every order and compares what comes out.
 
-use crate::devices::devices;
+use crate::devices::with_devices;
 use prbvh::device::{Buffer, Device, DeviceError, Recording};
 use prbvh_kernel::Kernel;
 use std::fmt;
@@ -72,19 +72,21 @@ impl Case {
     /// If two results differ, or a device fails.
     #[must_use]
     pub fn run_everywhere(&self) -> Buffers {
-        let mut first: Option<(String, Buffers)> = None;
-        for (name, mut device) in devices() {
-            let result = self.run_on(&mut *device).unwrap_or_else(|error| panic!("{name}: {error}"));
-            match &first {
-                None => first = Some((name, result)),
-                Some((first_name, expected)) => {
-                    if let Err(difference) = expected.compare(&result) {
-                        panic!("{}: {first_name} and {name} differ: {difference}", self.kernel.info().name);
+        with_devices(|devices| {
+            let mut first: Option<(&str, Buffers)> = None;
+            for (name, device) in devices {
+                let result = self.run_on(&mut **device).unwrap_or_else(|error| panic!("{name}: {error}"));
+                match &first {
+                    None => first = Some((name, result)),
+                    Some((first_name, expected)) => {
+                        if let Err(difference) = expected.compare(&result) {
+                            panic!("{}: {first_name} and {name} differ: {difference}", self.kernel.info().name);
+                        }
                     }
                 }
             }
-        }
-        first.expect("there is always the CPU").1
+            first.expect("there is always the CPU").1
+        })
     }
 }
 

@@ -4,6 +4,7 @@ use prbvh::device::Device;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::vulkan::{self, DeviceSummary, VulkanDevice};
 use prbvh_cpu_sim::Order;
+use std::cell::RefCell;
 use std::sync::OnceLock;
 
 /// Orders in which the CPU runs invocations; all must give the same bytes.
@@ -19,6 +20,22 @@ pub fn devices() -> Vec<(String, Box<dyn Device>)> {
     let mut devices = cpu_devices();
     devices.extend(vulkan_devices());
     devices
+}
+
+/// Calls `run` with every device; a thread opens them once and uses them again.
+///
+/// # Panics
+/// As [`devices`].
+pub fn with_devices<T>(run: impl FnOnce(&mut [(String, Box<dyn Device>)]) -> T) -> T {
+    thread_local! {
+        static DEVICES: RefCell<Vec<(String, Box<dyn Device>)>> = const { RefCell::new(Vec::new()) };
+    }
+    DEVICES.with_borrow_mut(|opened| {
+        if opened.is_empty() {
+            *opened = devices();
+        }
+        run(opened)
+    })
 }
 
 /// Every Vulkan device that the kernels can run on; none with `PRBVH_WITHOUT_VULKAN=1`.
