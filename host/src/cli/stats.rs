@@ -30,7 +30,7 @@ pub(super) fn run(args: &StatsArgs) -> anyhow::Result<ExitCode> {
     let quality = bvh::quality(&file.tree, &model);
     let hash = bvh::tree_hash(&file.tree);
     if args.json {
-        let mut json = serde_json::to_value(&quality).context("quality as JSON")?;
+        let mut json = serde_json::to_value(quality).context("quality as JSON")?;
         if let Some(json) = json.as_object_mut() {
             json.insert("valid".into(), true.into());
             json.insert("tree_hash".into(), hash.into());
