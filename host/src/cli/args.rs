@@ -205,3 +205,53 @@ fn threads(text: &str) -> Result<usize, String> {
         _ => Err(format!("not a number from 0 to {MOST}")),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings(arguments: &str) -> Result<Settings, String> {
+        let arguments = ["prbvh", "optimize"].into_iter().chain(arguments.split_whitespace());
+        let cli = Cli::try_parse_from(arguments).map_err(|error| error.to_string())?;
+        let Some(Command::Optimize(args)) = cli.command else { panic!("`optimize` was said") };
+        args.settings().map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn an_initial_tree_has_a_name_or_a_file() {
+        let initial = |arguments| settings(arguments).map(|settings| settings.initial);
+        let ploc = |radius| Ok(Initial::Ploc { radius: NonZeroU32::new(radius).unwrap() });
+        assert_eq!(initial(""), Ok(Initial::Lbvh));
+        assert_eq!(initial("--initial lbvh"), Ok(Initial::Lbvh));
+        assert_eq!(initial("--initial ploc"), ploc(DEFAULT_RADIUS.get()));
+        assert_eq!(initial("--initial ploc --radius 10000"), ploc(10_000));
+        assert_eq!(initial("--initial sah-sweep"), Ok(Initial::SahSweep));
+        assert_eq!(initial("--initial sah-binned"), Ok(Initial::SahBinned));
+        assert_eq!(initial("--initial out/tree.BVH"), Ok(Initial::File("out/tree.BVH".into())));
+        for name in ["lbvh", "ploc", "sah-sweep", "sah-binned", "a.bvh"] {
+            assert_eq!(initial(&format!("--initial {name}")).unwrap().to_string(), name);
+        }
+    }
+
+    #[test]
+    fn what_is_no_initial_tree_is_refused() {
+        for (arguments, part) in [
+            ("--initial sbvh", "sah-binned"),
+            ("--initial tree.obj", "ends in .bvh"),
+            ("--initial ploc --radius 0", "0 is not in 1.."),
+            ("--initial ploc --radius many", "many"),
+            ("--radius 5", "--radius is for --initial ploc, not for lbvh"),
+            ("--initial a.bvh --radius 5", "not for a.bvh"),
+        ] {
+            let error = settings(arguments).unwrap_err();
+            assert!(error.contains(part), "{arguments}: {error}");
+        }
+    }
+
+    #[test]
+    fn the_help_names_the_default_radius() {
+        use clap::CommandFactory;
+        let help = Cli::command().find_subcommand_mut("optimize").unwrap().render_long_help().to_string();
+        assert!(help.contains(&format!("[default: {DEFAULT_RADIUS}]")), "{help}");
+    }
+}
