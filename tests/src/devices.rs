@@ -44,9 +44,7 @@ pub fn with_devices<T>(run: impl FnOnce(&mut [(String, Box<dyn Device>)]) -> T) 
 /// If there is none otherwise.
 #[must_use]
 pub fn vulkan_devices() -> Vec<(String, Box<dyn Device>)> {
-    if std::env::var_os("PRBVH_WITHOUT_VULKAN").is_some_and(|value| value == "1") {
-        let test = std::thread::current().name().unwrap_or("a test").to_owned();
-        eprintln!("not run on Vulkan (PRBVH_WITHOUT_VULKAN=1): {test}");
+    if without_vulkan() {
         return Vec::new();
     }
     let usable = match vulkan::list_devices() {
@@ -61,6 +59,17 @@ pub fn vulkan_devices() -> Vec<(String, Box<dyn Device>)> {
         (device.name, Box::new(opened) as Box<dyn Device>)
     };
     usable.into_iter().map(open).collect()
+}
+
+/// Whether the machine is to be tested without Vulkan (`PRBVH_WITHOUT_VULKAN=1`); says then what is not run.
+#[must_use]
+pub fn without_vulkan() -> bool {
+    let without = std::env::var_os("PRBVH_WITHOUT_VULKAN").is_some_and(|value| value == "1");
+    if without {
+        let test = std::thread::current().name().unwrap_or("a test").to_owned();
+        eprintln!("not run on Vulkan (PRBVH_WITHOUT_VULKAN=1): {test}");
+    }
+    without
 }
 
 /// Whether the validation layer is there; asked once.

@@ -1,5 +1,6 @@
 //! Fixtures, oracles and comparers shared by the tests.
 
+pub mod command;
 pub mod compare;
 pub mod devices;
 pub mod fixtures;

@@ -43,7 +43,7 @@ pub(super) struct OptimizeArgs {
     #[arg(default_value = BUILT_IN)]
     pub(super) scene: PathBuf,
     /// Size of the built-in scene.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) triangles: Option<usize>,
     /// Where the initial tree comes from: lbvh, ploc, sah-sweep, sah-binned, or a tree.bvh over the same scene.
     #[arg(long, default_value = "lbvh", value_name = "BUILDER|FILE.bvh", value_parser = OsStringValueParser::new().try_map(initial))]
@@ -58,25 +58,25 @@ pub(super) struct OptimizeArgs {
     #[arg(long, value_enum, default_value_t)]
     pub(super) strategy: StrategyArg,
     /// Search every µ-th node in an iteration; falls to 1 as the cost settles.
-    #[arg(long, default_value_t = PrbvhSettings::default().mu, value_name = "µ", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = PrbvhSettings::default().mu, value_name = "µ", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub(super) mu: u32,
     /// Change of the cost that counts as none, as a part of the initial cost [default: 0.0001].
-    #[arg(long, value_name = "PART", value_parser = not_negative)]
+    #[arg(long, value_name = "PART", value_parser = not_negative, allow_negative_numbers = true)]
     pub(super) epsilon: Option<f64>,
     /// The same in the unit of the cost; the paper has 0.1.
-    #[arg(long, value_name = "COST", value_parser = not_negative, conflicts_with = "epsilon")]
+    #[arg(long, value_name = "COST", value_parser = not_negative, allow_negative_numbers = true, conflicts_with = "epsilon")]
     pub(super) epsilon_absolute: Option<f64>,
     /// Start no iteration after this many seconds.
-    #[arg(long, value_name = "SECONDS", value_parser = not_negative)]
+    #[arg(long, value_name = "SECONDS", value_parser = not_negative, allow_negative_numbers = true)]
     pub(super) max_time: Option<f64>,
     /// Most iterations.
-    #[arg(long, default_value_t = PrbvhSettings::default().max_iterations, value_name = "N")]
+    #[arg(long, default_value_t = PrbvhSettings::default().max_iterations, value_name = "N", allow_negative_numbers = true)]
     pub(super) max_iterations: u32,
     /// auto, cpu, vulkan or vulkan:N.
     #[arg(long, default_value_t, value_name = "DEVICE")]
     pub(super) device: DeviceChoice,
     /// Threads of the CPU device; 0 for one per core.
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads)]
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads, allow_negative_numbers = true)]
     pub(super) threads: usize,
     /// Write report.json, iterations.csv, convergence.svg and tree.bvh to this folder.
     #[arg(long, value_name = "DIR")]
@@ -164,7 +164,7 @@ pub(super) struct StatsArgs {
     #[arg(long)]
     pub(super) scene: Option<PathBuf>,
     /// Size of the built-in scene, if that is the scene.
-    #[arg(long, value_name = "N", requires = "scene")]
+    #[arg(long, value_name = "N", requires = "scene", allow_negative_numbers = true)]
     pub(super) triangles: Option<usize>,
     /// Print one JSON object.
     #[arg(long)]
@@ -193,8 +193,8 @@ fn initial(text: OsString) -> Result<Initial, String> {
 
 fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(value) if value >= 0.0 => Ok(value),
-        _ => Err("not a number of at least 0".to_owned()),
+        Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
+        _ => Err("not a finite number of at least 0".to_owned()),
     }
 }
 

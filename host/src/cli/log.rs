@@ -24,6 +24,8 @@ pub(super) fn start(quiet: u8, verbose: u8) -> Log {
         .with_max_level(level)
         .without_time()
         .with_target(false)
+        // It would report them to stderr, which is what fails where the reader went away, and panic.
+        .log_internal_errors(false)
         .with_ansi(io::stderr().is_terminal())
         .with_writer(move || writer.clone())
         .init();

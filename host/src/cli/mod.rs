@@ -27,7 +27,7 @@ pub(crate) fn main() -> ExitCode {
     match result {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("prbvh: {error:#}");
+            print_error(&format!("prbvh: {}", told_once(&error)));
             ExitCode::FAILURE
         }
     }
@@ -37,6 +37,25 @@ pub(crate) fn main() -> ExitCode {
 fn print(text: &str) {
     use std::io::Write;
     let _ = writeln!(std::io::stdout().lock(), "{text}");
+}
+
+/// Prints a line to stderr; that nobody reads it is no error either.
+fn print_error(text: &str) {
+    use std::io::Write;
+    let _ = writeln!(std::io::stderr().lock(), "{text}");
+}
+
+/// The error with its causes, less those that the text before them tells already.
+fn told_once(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if text.is_empty() {
+            text = cause;
+        } else if !text.ends_with(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
 }
 
 /// The scene that an argument names.

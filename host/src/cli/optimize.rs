@@ -13,6 +13,7 @@ use prbvh::pipeline::{self, Initial, Optimized, Settings};
 use prbvh::report::{self, Machine, Memory, PhaseTimes, Program, QualityReport, RunReport, SceneReport};
 use prbvh::scene::Scene;
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::process::ExitCode;
 
 /// Columns where the width of the terminal is not known.
@@ -23,6 +24,9 @@ pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
     let interrupt = Interrupt::listen();
     let mut device = device::open(args.device, args.threads, args.validate)?;
     let scene = load_scene(&args.scene, args.triangles)?;
+    if let Some(folder) = &args.out {
+        check_folder(folder)?;
+    }
     tracing::info!("{}: {} triangles, on {}", scene.name, scene.triangles.len(), device.info().name);
 
     let bar = log.bar(settings.prbvh.max_iterations);
@@ -36,25 +40,38 @@ pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
     let result = result?;
     let report = report(args, &scene, &*device, &settings, &result);
 
-    if let Some(folder) = &args.out {
-        // The tree first: it is what the time was spent on.
-        let tree = folder.join("tree.bvh");
-        bvh::file::write(&tree, &result.tree, &scene.hash)?;
-        tracing::info!("wrote {}", tree.display());
-        for path in report.write(folder)? {
-            tracing::info!("wrote {}", path.display());
-        }
-    }
+    let written = args.out.as_deref().map_or(Ok(()), |folder| write(folder, &scene, &result, &report));
     if args.json {
         print(&serde_json::to_string_pretty(&report).context("report as JSON")?);
     } else {
         let columns = console::Term::stdout().size_checked().map_or(DEFAULT_COLUMNS, |(_, columns)| columns);
         print(&report::table(&report, columns));
     }
+    // Not before: where the disk is full the user has at least the outcome.
+    written?;
     if let StopReason::Fault(_) = result.outcome.stop {
         anyhow::bail!("{}; the best tree before it was kept", result.outcome.stop);
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Makes the folder of the outputs and tries whether files can be made in it, before any time is spent on what is to go there.
+fn check_folder(folder: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder)
+        .and_then(|()| tempfile::tempfile_in(folder))
+        .with_context(|| format!("--out {}: no files can be made there", folder.display()))?;
+    Ok(())
+}
+
+fn write(folder: &Path, scene: &Scene, result: &Optimized, report: &RunReport) -> anyhow::Result<()> {
+    // The tree first: it is what the time was spent on.
+    let tree = folder.join("tree.bvh");
+    bvh::file::write(&tree, &result.tree, &scene.hash)?;
+    tracing::info!("wrote {}", tree.display());
+    for path in report.write(folder)? {
+        tracing::info!("wrote {}", path.display());
+    }
+    Ok(())
 }
 
 fn log_row(row: &IterationRow) {

@@ -1,7 +1,7 @@
 //! `prbvh stats`.
 
 use super::args::StatsArgs;
-use super::{load_scene, print};
+use super::{load_scene, print, print_error};
 use anyhow::Context;
 use prbvh::bvh::{self, SahModel, TreeFault};
 use std::process::ExitCode;
@@ -57,12 +57,12 @@ fn report_faults(args: &StatsArgs, faults: &[TreeFault]) -> ExitCode {
         let texts: Vec<String> = faults.iter().map(ToString::to_string).collect();
         print(&serde_json::json!({ "valid": false, "faults": texts }).to_string());
     } else {
-        eprintln!("prbvh: {} is no valid tree, {} faults:", args.tree.display(), faults.len());
+        print_error(&format!("prbvh: {} is no valid tree, {} faults:", args.tree.display(), faults.len()));
         for fault in faults.iter().take(FAULTS_SHOWN) {
-            eprintln!("  {fault}");
+            print_error(&format!("  {fault}"));
         }
         if faults.len() > FAULTS_SHOWN {
-            eprintln!("  and {} more", faults.len() - FAULTS_SHOWN);
+            print_error(&format!("  and {} more", faults.len() - FAULTS_SHOWN));
         }
     }
     ExitCode::FAILURE

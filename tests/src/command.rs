@@ -1,0 +1,130 @@
+//! The `prbvh` command as a user runs it.
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use tempfile::NamedTempFile;
+
+/// A command that takes longer hangs.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// A command that has ended.
+#[derive(Debug)]
+pub struct Ended {
+    /// The arguments, for messages.
+    pub arguments: String,
+    /// Exit code; `None` if a signal ended it.
+    pub code: Option<i32>,
+    /// What it printed.
+    pub stdout: String,
+    /// Its log and errors.
+    pub stderr: String,
+}
+
+/// A command that runs.
+#[derive(Debug)]
+pub struct Running {
+    arguments: String,
+    child: Child,
+    stdout: NamedTempFile,
+    stderr: NamedTempFile,
+}
+
+/// Runs a program in a folder to its end.
+///
+/// # Panics
+/// If it cannot be started, panics, or hangs.
+#[must_use]
+pub fn run(program: &str, folder: &Path, arguments: &[&str]) -> Ended {
+    start(Command::new(program).current_dir(folder).args(arguments)).wait()
+}
+
+/// Starts a program. Its output goes to files, so that it never waits for a reader.
+///
+/// # Panics
+/// If it cannot be started.
+#[must_use]
+pub fn start(command: &mut Command) -> Running {
+    let arguments: Vec<_> = command.get_args().map(|argument| argument.to_string_lossy().into_owned()).collect();
+    let (stdout, stderr) = (NamedTempFile::new().unwrap(), NamedTempFile::new().unwrap());
+    command.stdin(Stdio::null()).stdout(stdout.reopen().unwrap()).stderr(stderr.reopen().unwrap());
+    let child = command.spawn().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+    Running { arguments: arguments.join(" "), child, stdout, stderr }
+}
+
+impl Running {
+    /// Number of the process.
+    #[must_use]
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// The log and the errors so far.
+    ///
+    /// # Panics
+    /// If they cannot be read.
+    #[must_use]
+    pub fn stderr(&self) -> String {
+        whole(&self.stderr)
+    }
+
+    /// Waits for the end.
+    ///
+    /// # Panics
+    /// If the program panics or hangs.
+    #[must_use]
+    pub fn wait(mut self) -> Ended {
+        let start = Instant::now();
+        let status = loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                break status;
+            }
+            if start.elapsed() > PATIENCE {
+                self.child.kill().unwrap();
+                panic!("prbvh {}: hangs; it said:\n{}", self.arguments, self.stderr());
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        };
+        let (stdout, stderr) = (whole(&self.stdout), self.stderr());
+        assert!(!stderr.contains("panicked"), "prbvh {}: {stderr}", self.arguments);
+        Ended { arguments: self.arguments, code: status.code(), stdout, stderr }
+    }
+}
+
+fn whole(file: &NamedTempFile) -> String {
+    String::from_utf8_lossy(&std::fs::read(file).unwrap()).into_owned()
+}
+
+impl Ended {
+    /// Asserts that it went well.
+    ///
+    /// # Panics
+    /// If it did not.
+    #[must_use]
+    pub fn ok(self) -> Self {
+        assert_eq!(self.code, Some(0), "prbvh {}: {}", self.arguments, self.stderr);
+        self
+    }
+
+    /// Asserts that it ended with an error whose text has these parts, and printed nothing else.
+    ///
+    /// # Panics
+    /// If it did not.
+    pub fn refused(&self, parts: &[&str]) {
+        let Self { arguments, code, stdout, stderr } = self;
+        assert!(matches!(code, Some(1 | 2)), "prbvh {arguments}: ended with {code:?}: {stderr}");
+        assert_eq!(stdout, "", "prbvh {arguments}");
+        for part in parts {
+            assert!(stderr.contains(part), "prbvh {arguments}: \"{part}\" is missing in: {stderr}");
+        }
+    }
+
+    /// What it printed, as one JSON value.
+    ///
+    /// # Panics
+    /// If it is none.
+    #[must_use]
+    pub fn json(&self) -> serde_json::Value {
+        serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("prbvh {}: {error}", self.arguments))
+    }
+}

@@ -1,0 +1,395 @@
+//! Scenes that are wrong, odd or too large: a right tree or a clear error, on every device.
+
+use prbvh::build::{BYTES_PER_TRIANGLE, check_limits};
+use prbvh::bvh::{Bvh, SahModel, quality, tree_hash, validate};
+use prbvh::device::cpu::CpuDevice;
+use prbvh::device::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
+use prbvh::optimize::StopReason;
+use prbvh::pipeline::{Optimized, PipelineError, Settings, optimize};
+use prbvh::scene::{MAX_TRIANGLES, Scene};
+use prbvh_kernel::node::Node;
+use prbvh_kernel::setup::Triangle;
+use prbvh_tests::command::{Ended, run};
+use prbvh_tests::devices::{vulkan_devices, with_devices, without_vulkan};
+use prbvh_tests::fixtures::soup;
+use std::io::Write;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+const PRBVH: &str = env!("CARGO_BIN_EXE_prbvh-under-test");
+
+const CORNERS: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+
+/// What `--device` can say here.
+fn choices() -> Vec<&'static str> {
+    if without_vulkan() { vec!["cpu"] } else { vec!["cpu", "vulkan"] }
+}
+
+/// Runs `prbvh optimize SCENE --out out --json` on the CPU and on Vulkan.
+fn ran(folder: &Path, scene: &str) -> Vec<Ended> {
+    let on = |device| run(PRBVH, folder, &["optimize", scene, "--device", device, "--out", "out", "--json"]);
+    choices().into_iter().map(on).collect()
+}
+
+/// Asserts that the command refuses a file with an error that names it and has these parts, and that it writes nothing.
+fn assert_refused(name: &str, bytes: impl AsRef<[u8]>, parts: &[&str]) {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join(name), bytes).unwrap();
+    for ran in ran(folder.path(), name) {
+        ran.refused(&[&[name], parts].concat());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "{name}: something was written");
+    }
+}
+
+#[test]
+fn nan_and_infinite_vertices() {
+    assert_refused("a.obj", "v 0 0 0\nv 1 nan 0\nv 0 1 0\nf 1 2 3\n", &["line 2", "nan"]);
+    assert_refused("a.obj", "v 0 0 0\nv 1 0 0\nv 0 -inf 0\nf 1 2 3\n", &["line 3", "-inf"]);
+    assert_refused("a.obj", "v 0 0 1e39\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", &["line 1", "1e39"]);
+    assert_refused("a.ply", ply("0 nan 0", "0 1 2"), &["line 10", "nan"]);
+    assert_refused("a.ply", ply("0 inf 0", "0 1 2"), &["line 10", "inf"]);
+}
+
+#[test]
+fn indices_out_of_range() {
+    for index in ["4", "0", "-4", "99999999999"] {
+        assert_refused("a.obj", format!("{CORNERS}f 1 2 {index}\n"), &["line 4", index]);
+    }
+    for index in ["3", "-1"] {
+        assert_refused("a.ply", ply("0 0 0", &format!("0 1 {index}")), &["line 13", &format!("index {index}")]);
+    }
+}
+
+/// An ASCII PLY file of one triangle; its first vertex is line 10, its face line 13.
+fn ply(vertex: &str, face: &str) -> String {
+    let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                  element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    format!("{header}{vertex}\n1 0 0\n0 1 0\n3 {face}\n")
+}
+
+#[test]
+fn paths_that_are_no_scene() {
+    for name in ["a.obj", "a.ply", "a.stl", "a.gltf", "a.glb", "a.obj.xz", "a.obj.gz", "a.obj.zst"] {
+        assert_refused(name, "", &["empty file"]);
+    }
+    for name in ["a.fbx", "a.xz", "scene"] {
+        assert_refused(name, CORNERS, &["unknown extension", ".obj", ".ply", ".stl", ".gltf", ".glb"]);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for name in [".", "folder.obj"] {
+        std::fs::create_dir_all(folder.path().join(name)).unwrap();
+        ran(folder.path(), name).iter().for_each(|ran| ran.refused(&[name, "a directory"]));
+    }
+    ran(folder.path(), "gone.obj").iter().for_each(|ran| ran.refused(&["gone.obj", "no such file"]));
+    assert!(!folder.path().join("out").exists());
+}
+
+#[test]
+fn truncated_archives() {
+    let vertices: String = (0..4000).map(|k| format!("v {} 0 {k}\n", k * 7919 % 4001)).collect();
+    let text = vertices + "f 1 2 3\n";
+    let mut xz = lzma_rust2::XzWriter::new(Vec::new(), lzma_rust2::XzOptions::with_preset(1)).unwrap();
+    xz.write_all(text.as_bytes()).unwrap();
+    let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    gzip.write_all(text.as_bytes()).unwrap();
+    let zstd = ruzstd::encoding::compress_to_vec(text.as_bytes(), ruzstd::encoding::CompressionLevel::Fastest);
+    let archives = [
+        ("a.obj.xz", "xz", xz.finish().unwrap()),
+        ("a.obj.gz", "gzip", gzip.finish().unwrap()),
+        ("a.obj.zst", "zstd", zstd),
+    ];
+    for (name, format, bytes) in archives {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join(name), &bytes).unwrap();
+        assert_eq!(ran(folder.path(), name).remove(0).ok().json()["triangles"], 1, "{name} whole");
+        for length in [5, bytes.len() / 2, bytes.len() - 1] {
+            assert_refused(name, &bytes[..length], &[format, "truncated or damaged"]);
+        }
+    }
+}
+
+#[test]
+fn files_of_no_triangle_to_three() {
+    assert_refused("a.obj", CORNERS, &["no triangles"]);
+    for n in 1..=3 {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("a.obj"), CORNERS.to_owned() + &"f 1 2 3\n".repeat(n)).unwrap();
+        let mut hashes = Vec::new();
+        for ran in ran(folder.path(), "a.obj") {
+            let report = ran.ok().json();
+            // All boxes are the root's: n leaves at 2, n - 1 internal nodes at 3.
+            assert_eq!(report["final_cost"], (5 * n - 3) as f64);
+            let stats = run(PRBVH, folder.path(), &["stats", "out/tree.bvh", "--scene", "a.obj", "--json"]).ok().json();
+            assert_eq!((&stats["leaves"], &stats["nodes"]), (&n.into(), &(2 * n - 1).into()));
+            hashes.push(stats["tree_hash"].clone());
+        }
+        assert!(hashes.iter().all(|hash| *hash == hashes[0]), "{hashes:?}");
+    }
+}
+
+#[test]
+fn a_hundred_thousand_copies_of_one_triangle_make_a_shallow_tree_quickly() {
+    const N: usize = 100_000;
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a.obj"), CORNERS.to_owned() + &"f 1 2 3\n".repeat(N)).unwrap();
+    let mut hashes = Vec::new();
+    for ran in ran(folder.path(), "a.obj") {
+        let report = ran.ok().json();
+        assert_eq!(report["scene_details"]["census"]["duplicates"], N - 1);
+        assert_eq!((&report["initial_cost"], &report["final_cost"]), (&499_997.0.into(), &499_997.0.into()));
+        assert!(report["iterations"].as_u64().unwrap() < 20, "there is nothing to gain");
+        // Equal codes are told apart by position, which halves: 17 for 100,000.
+        let stats = run(PRBVH, folder.path(), &["stats", "out/tree.bvh", "--scene", "a.obj", "--json"]).ok().json();
+        assert!(stats["max_depth"].as_u64().unwrap() <= 20, "{stats}");
+        hashes.push(stats["tree_hash"].clone());
+    }
+    assert!(hashes.iter().all(|hash| *hash == hashes[0]), "{hashes:?}");
+}
+
+/// Optimises on every device: the trees are the same, valid, of finite cost, and no worse than the initial one.
+fn optimised(name: &str, triangles: Vec<Triangle>) -> Optimized {
+    let scene = Scene::from_triangles(name, triangles).unwrap();
+    with_devices(|devices| {
+        let mut first: Option<(String, Optimized)> = None;
+        for (on, device) in devices {
+            let on = format!("{name} on {on}");
+            let result = optimize(&scene, &mut **device, &Settings::default(), &mut |_| ControlFlow::Continue(()))
+                .unwrap_or_else(|error| panic!("{on}: {error}"));
+            validate(&result.tree, Some(&scene.triangles)).unwrap_or_else(|faults| panic!("{on}: {faults:?}"));
+            assert_eq!(result.outcome.stop, StopReason::Converged, "{on}");
+            let measured = quality(&result.tree, &SahModel::default());
+            assert_eq!(measured, result.quality, "{on}");
+            let (initial, last) = (result.initial.sah_cost, measured.sah_cost);
+            assert!(initial.is_finite() && last.is_finite() && last > 0.0, "{on}: {initial}, then {last}");
+            assert!(last <= initial * (1.0 + 1e-6), "{on}: {initial}, then {last}");
+            assert!(result.outcome.rows.iter().all(|row| row.cost.is_finite()), "{on}");
+            assert_eq!(device.memory().bytes, 0, "{on}: buffers are left");
+            match &first {
+                None => first = Some((on, result)),
+                Some((before, expected)) => {
+                    assert_eq!(tree_hash(&expected.tree), tree_hash(&result.tree), "{before}, and {on}");
+                }
+            }
+        }
+        first.expect("there is always the CPU").1
+    })
+}
+
+/// A soup of which every corner is changed.
+fn changed(count: usize, change: impl Fn([f32; 3]) -> [f32; 3]) -> Vec<Triangle> {
+    let soup = soup(count, 0.1, 5);
+    soup.iter().map(|t| Triangle { a: change(t.a), b: change(t.b), c: change(t.c) }).collect()
+}
+
+#[test]
+fn all_points_on_a_line() {
+    // On an axis no box has an area: each node costs its visit, whatever the tree.
+    let on_axis = optimised("axis", changed(300, |[x, ..]| [x, 2.0, -3.0]));
+    assert_eq!(on_axis.quality.sah_cost, (5 * 300 - 3) as f64);
+    let diagonal = optimised("diagonal", changed(300, |[x, ..]| [x; 3]));
+    assert!(diagonal.quality.sah_cost < diagonal.initial.sah_cost);
+}
+
+#[test]
+fn all_points_in_a_plane() {
+    for k in 0..3 {
+        let flat = |mut p: [f32; 3]| {
+            p[k] = 0.25;
+            p
+        };
+        let flat = optimised("plane", changed(300, flat));
+        assert!(flat.quality.sah_cost < flat.initial.sah_cost);
+    }
+    optimised("tilted plane", changed(300, |[x, y, _]| [x, y, x + y]));
+}
+
+#[test]
+fn all_triangles_are_one_point() {
+    for at in [0.0, -7.5, 1e30, 1e-30, -1e-45, f32::MAX] {
+        let point = optimised("point", changed(200, |_| [at; 3]));
+        assert_eq!(point.quality.sah_cost, (5 * 200 - 3) as f64, "{at:e}");
+    }
+}
+
+/// Parents and contents, without the boxes.
+fn topology(tree: &Bvh) -> Vec<(u32, prbvh::bvh::Content)> {
+    tree.nodes.iter().map(|node| (node.parent, node.content)).collect()
+}
+
+#[test]
+fn powers_of_two_near_1e30_and_1e_minus_30_change_no_topology() {
+    // Multiples of 2^-20, so that nothing is rounded at any of the scales.
+    let scaled = |exponent: i32| {
+        let factor = 2_f64.powi(exponent);
+        changed(400, |p| p.map(|x| (f64::from((x * 1048576.0).round() / 1048576.0) * factor) as f32))
+    };
+    let plain = optimised("plain", scaled(0));
+    for exponent in [100, 126, -100, -126] {
+        let result = optimised("scaled", scaled(exponent));
+        assert!(topology(&result.tree) == topology(&plain.tree), "2^{exponent}");
+        assert!((result.quality.sah_cost / plain.quality.sah_cost - 1.0).abs() < 1e-9, "2^{exponent}");
+    }
+}
+
+#[test]
+fn coordinates_of_1e30_and_1e_minus_30() {
+    for factor in [1e30, 1e-30, f32::MAX / 2.0, f32::MIN_POSITIVE, 1e-44] {
+        let result = optimised("scaled", changed(300, |p| p.map(|x| x * factor)));
+        assert!(result.quality.sah_cost <= result.initial.sah_cost, "{factor:e}");
+    }
+}
+
+#[test]
+fn coordinates_of_1e30_beside_1e_minus_30() {
+    let mut mixed = changed(200, |p| p.map(|x| x * 1e-30));
+    mixed.extend(changed(200, |p| p.map(|x| x * 1e30)));
+    optimised("two scales", mixed);
+    optimised("two scales in a triangle", changed(200, |[x, y, z]| [x * 1e30, y * 1e-30, -z]));
+    optimised("to the ends", changed(200, |[x, y, z]| [(x - 0.5) * f32::MAX, (y - 0.5) * f32::MAX, z]));
+}
+
+#[test]
+fn far_from_the_origin() {
+    for offset in [1e6, -1e6] {
+        optimised("far", changed(400, |p| p.map(|x| x + offset)));
+    }
+    optimised("far along x", changed(400, |[x, y, z]| [x + 1e6, y, z]));
+}
+
+/// A device that must not be used.
+struct Untouchable(DeviceInfo);
+
+impl Device for Untouchable {
+    fn info(&self) -> &DeviceInfo {
+        &self.0
+    }
+
+    fn allocate(&mut self, label: &'static str, _: usize, _: usize) -> Result<Buffer, DeviceError> {
+        panic!("{label} is allocated")
+    }
+
+    fn free(&mut self, buffer: Buffer) {
+        panic!("{} is freed", buffer.label)
+    }
+
+    fn upload(&mut self, buffer: &Buffer, _: &[u8]) -> Result<(), DeviceError> {
+        panic!("{} is uploaded", buffer.label)
+    }
+
+    fn download(&mut self, buffer: &Buffer, _: &mut [u8]) -> Result<(), DeviceError> {
+        panic!("{} is downloaded", buffer.label)
+    }
+
+    fn run(&mut self, _: &Recording) -> Result<Vec<Timing>, DeviceError> {
+        panic!("something is run")
+    }
+
+    fn memory(&self) -> MemoryUse {
+        MemoryUse::default()
+    }
+}
+
+/// The CPU with the limits of a smaller device.
+fn limited(max_buffer_bytes: u64, memory_bytes: u64) -> DeviceInfo {
+    let info = CpuDevice::new(1).unwrap().info().clone();
+    DeviceInfo { max_buffer_bytes, memory_bytes, max_buffer_limit: "maxStorageBufferRange", ..info }
+}
+
+#[track_caller]
+fn assert_limit(error: &DeviceError, limit: &str, needed: u64, there: u64) {
+    let DeviceError::Limit { name, need, have, .. } = error else { panic!("{error}") };
+    assert_eq!((*name, *need, *have), (limit, needed, there));
+    let message = error.to_string();
+    for part in [limit.to_owned(), needed.to_string(), there.to_string()] {
+        assert!(message.contains(&part), "\"{part}\" is missing in: {message}");
+    }
+}
+
+#[test]
+fn a_scene_too_large_for_a_device_is_refused_before_anything_is_allocated() {
+    const N: usize = 1000;
+    let scene = Scene::from_triangles("large", soup(N, 0.1, 6)).unwrap();
+    let (nodes, memory) = (2 * N as u64 * size_of::<Node>() as u64, N as u64 * BYTES_PER_TRIANGLE);
+    let cases = [
+        (limited(nodes - 1, 0), "maxStorageBufferRange", nodes, nodes - 1),
+        (limited(nodes, memory - 1), "device memory", memory, memory - 1),
+    ];
+    for (info, limit, need, have) in cases {
+        let mut device = Untouchable(info);
+        let refused = optimize(&scene, &mut device, &Settings::default(), &mut |_| panic!("an iteration"));
+        match refused {
+            Err(PipelineError::Device(error)) => assert_limit(&error, limit, need, have),
+            other => panic!("{other:?}"),
+        }
+    }
+    assert!(check_limits(&limited(nodes, memory), N).is_ok());
+    let most = MAX_TRIANGLES as usize;
+    assert!(check_limits(&limited(u64::MAX, 0), most).is_ok());
+    let error = check_limits(&limited(u64::MAX, 0), most + 1).unwrap_err();
+    assert_limit(&error, "31-bit node indices (triangles)", MAX_TRIANGLES + 1, MAX_TRIANGLES);
+}
+
+#[test]
+fn the_limits_of_real_devices_are_checked() {
+    for (name, device) in vulkan_devices() {
+        let info = device.info();
+        let most = usize::try_from(info.max_buffer_bytes / (2 * size_of::<Node>() as u64)).unwrap();
+        let error = check_limits(info, most + 1).expect_err(&name);
+        let need = 2 * (most as u64 + 1) * size_of::<Node>() as u64;
+        assert_limit(&error, info.max_buffer_limit, need, info.max_buffer_bytes);
+    }
+}
+
+/// A CPU that refuses what goes beyond its limits.
+struct Strict {
+    device: CpuDevice,
+    info: DeviceInfo,
+}
+
+impl Device for Strict {
+    fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    fn allocate(&mut self, label: &'static str, length: usize, bytes: usize) -> Result<Buffer, DeviceError> {
+        let buffer = self.device.allocate(label, length, bytes)?;
+        assert!(buffer.bytes() <= self.info.max_buffer_bytes, "{label} has {} bytes", buffer.bytes());
+        // What is counted per triangle leaves out small buffers, such as those of reductions.
+        let (all, counted) = (self.device.memory().bytes, self.info.memory_bytes);
+        assert!(all <= counted + counted / 100, "{all} bytes with {label}, of {counted}");
+        Ok(buffer)
+    }
+
+    fn free(&mut self, buffer: Buffer) {
+        self.device.free(buffer);
+    }
+
+    fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
+        self.device.upload(buffer, bytes)
+    }
+
+    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
+        self.device.download(buffer, bytes)
+    }
+
+    fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
+        self.device.run(recording)
+    }
+
+    fn memory(&self) -> MemoryUse {
+        self.device.memory()
+    }
+}
+
+#[test]
+fn a_scene_that_just_fits_stays_within_the_limits() {
+    for n in [1000, 20_000] {
+        let scene = Scene::from_triangles("fits", soup(n, 0.1, 7)).unwrap();
+        let info = limited(2 * n as u64 * size_of::<Node>() as u64, n as u64 * BYTES_PER_TRIANGLE);
+        let mut device = Strict { device: CpuDevice::new(1).unwrap(), info };
+        let mut settings = Settings::default();
+        settings.prbvh.max_iterations = 2;
+        optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+        assert_eq!(device.memory().bytes, 0);
+    }
+}
