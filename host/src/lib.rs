@@ -9,3 +9,8 @@ pub mod optimize;
 pub mod pipeline;
 pub mod report;
 pub mod scene;
+
+/// Compiles the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+pub struct Readme;

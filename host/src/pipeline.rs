@@ -1,21 +1,57 @@
 //! From a scene to its best tree: safe range, initial tree, PRBVH, original boxes, validation.
 
-use crate::build::{self, DeviceTree, MortonBits};
+use crate::build::{self, DeviceTree, MortonBits, TreeOfFileError};
 use crate::bvh::{self, Bvh, Quality, SahModel, TreeFault};
 use crate::device::{Device, DeviceError, DeviceInfo, Timing};
 use crate::optimize::{IterationRow, Outcome, PrbvhSettings, prbvh};
 use crate::scene::{SafeRange, Scene};
+use prbvh_kernel::node::Node;
+use prbvh_kernel::setup::Triangle;
 use serde::Serialize;
+use std::fmt;
+use std::num::NonZeroU32;
 use std::ops::ControlFlow;
+use std::path::PathBuf;
 use std::time::Instant;
 
-/// Builder of the initial tree.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+/// Where the initial tree comes from.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Initial {
-    /// LBVH (Karras 2012).
+    /// LBVH (Karras 2012), on the device.
     #[default]
     Lbvh,
+    /// PLOC (Meister & Bittner 2017), on the device.
+    Ploc {
+        /// Places in the Morton order that a cluster looks to either side for its nearest neighbour.
+        radius: NonZeroU32,
+    },
+    /// Full-sweep SAH, on the CPU.
+    SahSweep,
+    /// Binned SAH (Wald 2007), on the CPU.
+    SahBinned,
+    /// A `tree.bvh` over the same scene with one triangle per leaf.
+    File(PathBuf),
+}
+
+impl Initial {
+    /// Whether it is built from Morton codes.
+    fn has_codes(&self) -> bool {
+        matches!(self, Self::Lbvh | Self::Ploc { .. })
+    }
+}
+
+/// As on the command line: `lbvh`, `ploc`, `sah-sweep`, `sah-binned`, or the path of the file.
+impl fmt::Display for Initial {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Lbvh => f.write_str("lbvh"),
+            Self::Ploc { .. } => f.write_str("ploc"),
+            Self::SahSweep => f.write_str("sah-sweep"),
+            Self::SahBinned => f.write_str("sah-binned"),
+            Self::File(path) => path.display().fmt(f),
+        }
+    }
 }
 
 /// When a reinsertion may run beside others (Meister & Bittner 2018, §4.3).
@@ -30,7 +66,7 @@ pub enum Strategy {
 /// Settings of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Settings {
-    /// Builder of the initial tree.
+    /// Where the initial tree comes from.
     pub initial: Initial,
     /// Length of the Morton codes.
     pub morton_bits: MortonBits,
@@ -66,6 +102,9 @@ pub enum PipelineError {
     /// The device refused or failed.
     #[error(transparent)]
     Device(#[from] DeviceError),
+    /// The file of the initial tree is not fit for it.
+    #[error(transparent)]
+    InitialTree(#[from] TreeOfFileError),
     /// What came back from the device is no tree over the triangles.
     #[error("the {stage} on {device} made an invalid tree: {}", bvh::summary(.faults))]
     InvalidTree {
@@ -94,9 +133,7 @@ pub fn optimize(
     let working = range.apply(&scene.triangles);
 
     let start = Instant::now();
-    let (tree, build_timings) = match settings.initial {
-        Initial::Lbvh => build::lbvh(device, &working, settings.morton_bits)?,
-    };
+    let (tree, build_timings) = initial_tree(scene, &working, device, settings)?;
     let build_s = start.elapsed().as_secs_f64();
     drop(working);
     let (_, initial) = hand_out(&tree, scene, device, "builder")?;
@@ -107,6 +144,28 @@ pub fn optimize(
     let (best, quality) = hand_out(&tree, scene, device, "optimiser")?;
     tree.free(device);
     Ok(Optimized { tree: best, initial, quality, outcome, build_s, build_timings, optimize_s })
+}
+
+/// The tree to start from, on the device, and the times of its stages.
+fn initial_tree(
+    scene: &Scene,
+    working: &[Triangle],
+    device: &mut dyn Device,
+    settings: &Settings,
+) -> Result<(DeviceTree, Vec<Timing>), PipelineError> {
+    let start = Instant::now();
+    let (label, nodes): (_, Vec<Node>) = match &settings.initial {
+        Initial::Lbvh => return Ok(build::lbvh(device, working, settings.morton_bits)?),
+        Initial::Ploc { radius } => {
+            let (tree, timings, _) = build::ploc(device, working, settings.morton_bits, *radius)?;
+            return Ok((tree, timings));
+        }
+        Initial::SahSweep => ("sah sweep", build::sah_sweep(working)),
+        Initial::SahBinned => ("sah binned", build::sah_binned(working)),
+        Initial::File(path) => ("read tree", build::from_file(path, scene, working)?),
+    };
+    let timing = Timing { label, seconds: start.elapsed().as_secs_f64() };
+    Ok((DeviceTree::upload(device, &nodes)?, vec![timing]))
 }
 
 /// The device's tree with the boxes of the original triangles, validated.
@@ -135,7 +194,9 @@ pub fn plan(scene: &Scene, device: &DeviceInfo, settings: &Settings) -> Vec<Stri
     if settings.strategy == Strategy::Aggressive {
         lines.push(format!("path bitset of the conservative strategy: {} bytes", 16 * (2 * n - 1)));
     }
-    if settings.morton_bits == MortonBits::Thirty {
+    if !settings.initial.has_codes() {
+        lines.push(format!("Morton codes and their sort: the initial tree is {}", settings.initial));
+    } else if settings.morton_bits == MortonBits::Thirty {
         lines.push(format!("lower words of the Morton codes: one sort and {} bytes", 8 * n));
     }
     lines.push("normals, texture coordinates, materials: only positions are read".to_owned());

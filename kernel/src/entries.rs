@@ -10,6 +10,9 @@ use crate::lbvh::{self, HierarchyParams, LeavesParams};
 use crate::mem::{AtomicU32, AtomicU64, Slot};
 use crate::morton::{self, MortonParams};
 use crate::node::{AtomicNode, Node};
+use crate::ploc::merge::{self, MarkParams};
+use crate::ploc::nearest::{NearestParams, nearest};
+use crate::ploc::{self, Cluster, ClustersParams, Progress};
 use crate::prbvh::check::{check, check_words};
 use crate::prbvh::lock::{lock, lock_decrease, lock_input};
 use crate::prbvh::{PrbvhParams, Reinsertion, reinsert::reinsert, search::search};
@@ -179,6 +182,35 @@ kernels! {
         1 low: &[u32],
         2 nodes: &[AtomicNode],
     ] => |i| lbvh::hierarchy(i, params, high, low, nodes);
+
+    PlocClusters ploc_clusters(params: ClustersParams) [
+        0 order: &[u32],
+        1 boxes: &[Aabb],
+        2 clusters: &[Slot<Cluster>],
+        3 progress: &[Slot<Progress>],
+    ] => |i| ploc::clusters(i, params, order, boxes, clusters, progress);
+
+    PlocNearest ploc_nearest(params: NearestParams) [
+        0 clusters: &[Cluster],
+        1 progress: &[Progress],
+        2 neighbours: &[Slot<u32>],
+    ] => |i| nearest(i, params, clusters, progress, neighbours);
+
+    PlocMark ploc_mark(params: MarkParams) [
+        0 neighbours: &[u32],
+        1 progress: &[Progress],
+        2 marks: &[Slot<u32>],
+    ] => |i| merge::mark(i, neighbours, progress, marks);
+
+    PlocMerge ploc_merge(params: ClustersParams) [
+        0 neighbours: &[u32],
+        1 marks: &[u32],
+        2 clusters: &[Cluster],
+        3 progress: &[Progress],
+        4 nodes: &[AtomicNode],
+        5 next_clusters: &[Slot<Cluster>],
+        6 next_progress: &[Slot<Progress>],
+    ] => |i| merge::merge(i, params, neighbours, marks, clusters, progress, nodes, next_clusters, next_progress);
 
     Refit refit_climb(params: RefitParams) [
         0 nodes: &[AtomicNode],

@@ -10,6 +10,7 @@
 //! | [`morton`] | `morton_30`, `morton_60` | boxes → Morton codes |
 //! | [`sort`] | `sort_count`, `scan_*`, `sort_scatter`, `sort_gather` | codes → order of the references |
 //! | [`lbvh`] | `lbvh_leaves`, `lbvh_hierarchy` | sorted codes → links of the tree |
+//! | [`ploc`] | `ploc_clusters`, `ploc_nearest`, `ploc_mark`, `scan_*`, `ploc_merge` | order of the references → tree |
 //! | [`refit`] | `refit` | leaf boxes → all boxes |
 //! | [`cost`] | `cost` | boxes → partial sums of half surface areas |
 //! | [`prbvh`] | `prbvh_search`, `prbvh_lock`, `prbvh_check`, `prbvh_reinsert` | tree → better tree |
@@ -30,6 +31,7 @@ pub mod math;
 pub mod mem;
 pub mod morton;
 pub mod node;
+pub mod ploc;
 pub mod prbvh;
 pub mod refit;
 pub mod setup;

@@ -1,5 +1,6 @@
 //! `cargo xtask`: the project's own tasks, one file each.
 
+mod bench;
 mod ci;
 mod repo;
 mod setup;
@@ -28,6 +29,9 @@ enum Task {
     Setup,
     /// Does what setup does, then runs all tests.
     Test(test::Test),
+    /// Measures time, memory and cost beside a peer, and checks the answers.
+    #[command(disable_help_flag = true)]
+    Bench(bench::Bench),
     /// Everything that must pass before a merge.
     Ci,
     /// Checks the rules of the house that no other tool knows.
@@ -40,6 +44,7 @@ fn main() -> ExitCode {
         Task::CompileKernels(task) => task.run().map(|()| ExitCode::SUCCESS),
         Task::Setup => setup::run().map(|()| ExitCode::SUCCESS),
         Task::Test(task) => task.run(),
+        Task::Bench(task) => task.run().map(|()| ExitCode::SUCCESS),
         Task::Ci => ci::run().map(|()| ExitCode::SUCCESS),
         Task::Tidy => tidy::run().map(|()| ExitCode::SUCCESS),
     };

@@ -1,9 +1,21 @@
 //! Initial trees.
 
+mod binned;
+mod from_file;
 mod lbvh;
+mod order;
+mod ploc;
+mod scan;
 mod sort;
+mod sweep;
+mod top_down;
 
-pub use lbvh::{MortonBits, lbvh};
+pub use binned::sah_binned;
+pub use from_file::{TreeOfFileError, from_file};
+pub use lbvh::lbvh;
+pub use order::MortonBits;
+pub use ploc::{DEFAULT_RADIUS, ploc};
+pub use sweep::sah_sweep;
 
 use crate::device::{Buffer, Device, DeviceError, DeviceInfo, Recording};
 use crate::scene::MAX_TRIANGLES;
@@ -25,6 +37,12 @@ impl DeviceTree {
     #[must_use]
     pub fn node_count(references: u32) -> u32 {
         2 * references - 1
+    }
+
+    /// Room for a tree over `references` references.
+    fn allocate(device: &mut dyn Device, references: u32) -> Result<Self, DeviceError> {
+        let length = Self::node_count(references) as usize;
+        Ok(Self { references, nodes: device.allocate("nodes", length, size_of::<Node>())? })
     }
 
     /// Copies the nodes out.
@@ -78,7 +96,7 @@ pub fn check_limits(info: &DeviceInfo, triangles: usize) -> Result<(), DeviceErr
 }
 
 /// Device memory at its peak, bytes per triangle: the tree and the largest working set beside it.
-pub const BYTES_PER_TRIANGLE: u64 = 124;
+pub const BYTES_PER_TRIANGLE: u64 = 128;
 
 /// Counters that a refit over `n` references needs; not 0, since no buffer may be empty.
 pub(crate) fn arrivals_length(n: u32) -> usize {

@@ -1,10 +1,11 @@
 //! Recording of the stable radix sort.
 
 use super::Scratch;
+use super::scan::Scanner;
 use crate::device::{Buffer, Device, DeviceError, Recording};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::morton::WORD_BITS;
-use prbvh_kernel::sort::{DIGIT_BITS, DIGITS, SCAN_CHUNK, ScanParams, SortParams};
+use prbvh_kernel::sort::{DIGIT_BITS, DIGITS, SortParams};
 
 /// Buffers of a sort of `pairs` pairs, used again by every sort of that size.
 #[derive(Debug)]
@@ -14,7 +15,7 @@ pub(super) struct Sorter {
     keys: Buffer,
     values: Buffer,
     table: Buffer,
-    sums: Buffer,
+    scanner: Scanner,
 }
 
 impl Sorter {
@@ -28,7 +29,7 @@ impl Sorter {
             keys: scratch.allocate(device, "sort keys", length, 4)?,
             values: scratch.allocate(device, "sort values", length, 4)?,
             table: scratch.allocate(device, "sort table", table, 4)?,
-            sums: scratch.allocate(device, "sort sums", table.div_ceil(SCAN_CHUNK as usize), 4)?,
+            scanner: Scanner::new(scratch, device, table)?,
         })
     }
 
@@ -41,18 +42,13 @@ impl Sorter {
     pub(super) fn record(&self, recording: &mut Recording, keys: &Buffer, values: &Buffer) {
         let chunks = self.pairs.div_ceil(self.chunk);
         let words = chunks * DIGITS as u32;
-        let sums = words.div_ceil(SCAN_CHUNK);
         let mut from = (keys, values);
         let mut to = (&self.keys, &self.values);
         // An even number of passes, so that the result lies where the input was.
         for pass in 0..WORD_BITS.div_ceil(DIGIT_BITS).next_multiple_of(2) {
             let params = SortParams { count: chunks, pairs: self.pairs, chunk: self.chunk, shift: pass * DIGIT_BITS };
             recording.dispatch("sort", Kernel::SortCount, chunks, &params, &[from.0, &self.table]);
-            let scan = ScanParams { count: sums, words };
-            recording.dispatch("sort", Kernel::ScanSums, sums, &scan, &[&self.table, &self.sums]);
-            let spine = ScanParams { count: 1, words: sums };
-            recording.dispatch("sort", Kernel::ScanSpine, 1, &spine, &[&self.sums]);
-            recording.dispatch("sort", Kernel::ScanApply, sums, &scan, &[&self.sums, &self.table]);
+            self.scanner.record(recording, "sort", &self.table, words);
             let buffers = [from.0, from.1, &self.table, to.0, to.1];
             recording.dispatch("sort", Kernel::SortScatter, chunks, &params, &buffers);
             std::mem::swap(&mut from, &mut to);

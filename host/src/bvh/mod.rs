@@ -3,6 +3,7 @@
 //! | step | function |
 //! |---|---|
 //! | nodes of a device → tree | [`Bvh::from_device`] |
+//! | tree → nodes of a device | [`Bvh::to_device`] |
 //! | boxes of the original triangles | [`Bvh::with_boxes_of`] |
 //! | is it right? | [`validate`] |
 //! | is it good? | [`quality()`] |
@@ -12,6 +13,7 @@
 //! All walks use a stack of their own on the heap: a tree may be as deep as it has triangles.
 
 mod decode;
+mod encode;
 mod fault;
 pub mod file;
 mod hash;
@@ -22,6 +24,7 @@ mod refit;
 pub(crate) mod testing;
 mod validate;
 
+pub use encode::EncodeError;
 pub use fault::{Link, TreeFault, summary};
 pub use hash::tree_hash;
 pub use quality::{Quality, SahModel, quality};

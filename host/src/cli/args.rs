@@ -1,11 +1,14 @@
 //! What the command line can say.
 
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use prbvh::build::MortonBits;
+use prbvh::build::{DEFAULT_RADIUS, MortonBits};
 use prbvh::device::DeviceChoice;
 use prbvh::optimize::{Epsilon, PrbvhSettings};
 use prbvh::pipeline::{Initial, Settings, Strategy};
-use std::path::PathBuf;
+use std::ffi::OsString;
+use std::num::NonZeroU32;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Makes the bounding volume hierarchy of a triangle scene better, by parallel reinsertion (Meister & Bittner 2018).
@@ -42,9 +45,12 @@ pub(super) struct OptimizeArgs {
     /// Size of the built-in scene.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) triangles: Option<usize>,
-    /// Builder of the initial tree.
-    #[arg(long, value_enum, default_value_t)]
-    pub(super) initial: InitialArg,
+    /// Where the initial tree comes from: lbvh, ploc, sah-sweep, sah-binned, or a tree.bvh over the same scene.
+    #[arg(long, default_value = "lbvh", value_name = "BUILDER|FILE.bvh", value_parser = OsStringValueParser::new().try_map(initial))]
+    pub(super) initial: Initial,
+    /// Places in the Morton order that a cluster of ploc looks to either side [default: 25].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    pub(super) radius: Option<u32>,
     /// Bits of the Morton codes that the initial tree is built from.
     #[arg(long, value_enum, default_value_t)]
     pub(super) morton_bits: MortonBitsArg,
@@ -97,17 +103,18 @@ impl OptimizeArgs {
     }
 
     /// The settings that the arguments say.
-    pub(super) fn settings(&self) -> Settings {
+    ///
+    /// # Errors
+    /// If two arguments contradict each other.
+    pub(super) fn settings(&self) -> anyhow::Result<Settings> {
         let defaults = PrbvhSettings::default();
         let epsilon = match (self.epsilon, self.epsilon_absolute) {
             (_, Some(change)) => Epsilon::Absolute(change),
             (Some(part), None) => Epsilon::Relative(part),
             (None, None) => defaults.epsilon,
         };
-        Settings {
-            initial: match self.initial {
-                InitialArg::Lbvh => Initial::Lbvh,
-            },
+        Ok(Settings {
+            initial: self.initial()?,
             morton_bits: match self.morton_bits {
                 MortonBitsArg::Thirty => MortonBits::Thirty,
                 MortonBitsArg::Sixty => MortonBits::Sixty,
@@ -122,14 +129,16 @@ impl OptimizeArgs {
                 max_time: self.max_time.map(|seconds| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)),
                 ..defaults
             },
+        })
+    }
+
+    fn initial(&self) -> anyhow::Result<Initial> {
+        match (&self.initial, self.radius.and_then(NonZeroU32::new)) {
+            (Initial::Ploc { .. }, Some(radius)) => Ok(Initial::Ploc { radius }),
+            (other, Some(_)) => anyhow::bail!("--radius is for --initial ploc, not for {other}"),
+            (initial, None) => Ok(initial.clone()),
         }
     }
-}
-
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
-pub(super) enum InitialArg {
-    #[default]
-    Lbvh,
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
@@ -169,6 +178,19 @@ pub(super) struct DevicesArgs {
     pub(super) json: bool,
 }
 
+fn initial(text: OsString) -> Result<Initial, String> {
+    match text.to_str() {
+        Some("lbvh") => Ok(Initial::Lbvh),
+        Some("ploc") => Ok(Initial::Ploc { radius: DEFAULT_RADIUS }),
+        Some("sah-sweep") => Ok(Initial::SahSweep),
+        Some("sah-binned") => Ok(Initial::SahBinned),
+        _ if Path::new(&text).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("bvh")) => {
+            Ok(Initial::File(text.into()))
+        }
+        _ => Err("neither lbvh, ploc, sah-sweep, sah-binned nor a tree file that ends in .bvh".to_owned()),
+    }
+}
+
 fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
@@ -181,5 +203,55 @@ fn threads(text: &str) -> Result<usize, String> {
     match text.parse::<usize>() {
         Ok(threads) if threads <= MOST => Ok(threads),
         _ => Err(format!("not a number from 0 to {MOST}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings(arguments: &str) -> Result<Settings, String> {
+        let arguments = ["prbvh", "optimize"].into_iter().chain(arguments.split_whitespace());
+        let cli = Cli::try_parse_from(arguments).map_err(|error| error.to_string())?;
+        let Some(Command::Optimize(args)) = cli.command else { panic!("`optimize` was said") };
+        args.settings().map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn an_initial_tree_has_a_name_or_a_file() {
+        let initial = |arguments| settings(arguments).map(|settings| settings.initial);
+        let ploc = |radius| Ok(Initial::Ploc { radius: NonZeroU32::new(radius).unwrap() });
+        assert_eq!(initial(""), Ok(Initial::Lbvh));
+        assert_eq!(initial("--initial lbvh"), Ok(Initial::Lbvh));
+        assert_eq!(initial("--initial ploc"), ploc(DEFAULT_RADIUS.get()));
+        assert_eq!(initial("--initial ploc --radius 10000"), ploc(10_000));
+        assert_eq!(initial("--initial sah-sweep"), Ok(Initial::SahSweep));
+        assert_eq!(initial("--initial sah-binned"), Ok(Initial::SahBinned));
+        assert_eq!(initial("--initial out/tree.BVH"), Ok(Initial::File("out/tree.BVH".into())));
+        for name in ["lbvh", "ploc", "sah-sweep", "sah-binned", "a.bvh"] {
+            assert_eq!(initial(&format!("--initial {name}")).unwrap().to_string(), name);
+        }
+    }
+
+    #[test]
+    fn what_is_no_initial_tree_is_refused() {
+        for (arguments, part) in [
+            ("--initial sbvh", "sah-binned"),
+            ("--initial tree.obj", "ends in .bvh"),
+            ("--initial ploc --radius 0", "0 is not in 1.."),
+            ("--initial ploc --radius many", "many"),
+            ("--radius 5", "--radius is for --initial ploc, not for lbvh"),
+            ("--initial a.bvh --radius 5", "not for a.bvh"),
+        ] {
+            let error = settings(arguments).unwrap_err();
+            assert!(error.contains(part), "{arguments}: {error}");
+        }
+    }
+
+    #[test]
+    fn the_help_names_the_default_radius() {
+        use clap::CommandFactory;
+        let help = Cli::command().find_subcommand_mut("optimize").unwrap().render_long_help().to_string();
+        assert!(help.contains(&format!("[default: {DEFAULT_RADIUS}]")), "{help}");
     }
 }

@@ -1,6 +1,6 @@
 //! `prbvh optimize`, and `prbvh` alone.
 
-use super::args::{InitialArg, OptimizeArgs, StrategyArg};
+use super::args::{OptimizeArgs, StrategyArg};
 use super::interrupt::Interrupt;
 use super::log::Log;
 use super::{load_scene, print};
@@ -9,7 +9,7 @@ use clap::ValueEnum;
 use prbvh::bvh::{self, SahModel};
 use prbvh::device::{self, Device};
 use prbvh::optimize::{Epsilon, IterationRow, StopReason};
-use prbvh::pipeline::{self, Optimized, Settings};
+use prbvh::pipeline::{self, Initial, Optimized, Settings};
 use prbvh::report::{self, Machine, Memory, PhaseTimes, Program, QualityReport, RunReport, SceneReport};
 use prbvh::scene::Scene;
 use std::ops::ControlFlow;
@@ -20,10 +20,10 @@ use std::process::ExitCode;
 const DEFAULT_COLUMNS: u16 = 100;
 
 pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
+    let settings = args.settings()?;
     let interrupt = Interrupt::listen();
     let mut device = device::open(args.device, args.threads, args.validate)?;
     let scene = load_scene(&args.scene, args.triangles)?;
-    let settings = args.settings();
     if let Some(folder) = &args.out {
         check_folder(folder)?;
     }
@@ -112,7 +112,11 @@ fn report(
         stop_reason: result.outcome.stop.to_string(),
         plan: pipeline::plan(scene, device.info(), settings),
         settings: report::Settings {
-            initial: value_name::<InitialArg>(args.initial),
+            initial: settings.initial.to_string(),
+            radius: match settings.initial {
+                Initial::Ploc { radius } => Some(radius.get()),
+                _ => None,
+            },
             strategy: value_name::<StrategyArg>(args.strategy),
             mu: settings.prbvh.mu,
             epsilon,

@@ -143,6 +143,16 @@ pub enum DeviceError {
         /// What is wrong.
         problem: String,
     },
+    /// A kernel did not do what it must.
+    #[error("{kernel} on {device}: {problem}")]
+    Kernel {
+        /// Name of the kernel.
+        kernel: &'static str,
+        /// What it did.
+        problem: String,
+        /// Name of the device.
+        device: String,
+    },
     /// There is no such device.
     #[error("{0}")]
     NoDevice(String),

@@ -97,8 +97,10 @@ pub struct SceneReport {
 /// What was asked for.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Settings {
-    /// Builder of the initial tree.
+    /// Builder of the initial tree, or the file that it was read from.
     pub initial: String,
+    /// Radius of PLOC; none for another builder.
+    pub radius: Option<u32>,
     /// Locking strategy.
     pub strategy: String,
     /// Sparse search: one node in `mu` is searched per iteration, at first.

@@ -53,6 +53,7 @@ pub(super) fn report(iterations: u32) -> RunReport {
         plan: vec!["60-bit codes left out: 30 bits tell all triangles apart".to_owned()],
         settings: Settings {
             initial: "lbvh".to_owned(),
+            radius: None,
             strategy: "aggressive".to_owned(),
             mu: 9,
             epsilon: 1e-4,

@@ -6,7 +6,8 @@
 //! other side of each in depth-first order, with `up` of a node as the way on. What differs from the published algorithm:
 //! the sum `d` starts afresh at each pivot, so that rounding does not pile up; the winner's area decrease is computed again, directly,
 //! and must exceed what rounding could have made of it; a NaN prunes; the number of steps is bounded; the pivots themselves are
-//! no candidates (as published they can never win).
+//! no candidates. As published those can never win; evaluated exactly they did, and the final cost on six scenes changed by
+//! -0.1 % to +0.5 %, so they are left out.
 
 use super::{PrbvhParams, Reinsertion};
 use crate::aabb::Aabb;

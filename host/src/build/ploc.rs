@@ -1,0 +1,144 @@
+//! PLOC: rounds of nearest neighbour search and merging over the Morton order (Meister & Bittner 2017).
+
+use super::order::{MortonBits, MortonOrder};
+use super::scan::Scanner;
+use super::{DeviceTree, Scratch};
+use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
+use prbvh_kernel::Kernel;
+use prbvh_kernel::lbvh::LeavesParams;
+use prbvh_kernel::ploc::merge::MarkParams;
+use prbvh_kernel::ploc::nearest::NearestParams;
+use prbvh_kernel::ploc::{Cluster, ClustersParams, Progress};
+use prbvh_kernel::setup::Triangle;
+use std::num::NonZeroU32;
+
+/// Radius where none is asked for.
+pub const DEFAULT_RADIUS: NonZeroU32 = NonZeroU32::new(25).expect("not 0");
+
+/// From so many clusters on the host asks after each round how many are left: the work of a round is then dearer than the question.
+const ASK_EVERY_ROUND: u32 = 1 << 16;
+
+/// Rounds between questions below that. A round does not know how many clusters the rounds before it left, so each of
+/// them is dispatched for as many as there were at the last question.
+const ROUNDS_UNASKED: u32 = 8;
+
+/// Builds a tree over `triangles`, whose coordinates are in the safe range (`crate::scene::SafeRange`); a cluster looks for its
+/// nearest neighbour `radius` places to the left and to the right. Returns the tree with the times of its stages and with the rounds it took.
+///
+/// # Errors
+/// If the triangles do not fit the device, or the device fails.
+///
+/// # Panics
+/// If there are no triangles.
+pub fn ploc(
+    device: &mut dyn Device,
+    triangles: &[Triangle],
+    bits: MortonBits,
+    radius: NonZeroU32,
+) -> Result<(DeviceTree, Vec<Timing>, Progress), DeviceError> {
+    let mut recording = Recording::new();
+    let (mut sorted, mut timings) = MortonOrder::record(&mut recording, device, triangles, bits)?;
+    timings.extend(device.run(&recording)?);
+    sorted.free_codes(device);
+
+    let n = sorted.references;
+    let tree = DeviceTree::allocate(device, n)?;
+    let mut recording = Recording::new();
+    let leaves = LeavesParams { count: n };
+    let buffers = [&sorted.order, &sorted.boxes, &tree.nodes];
+    recording.dispatch("leaves", Kernel::LbvhLeaves, n, &leaves, &buffers);
+    let mut scratch = Scratch::default();
+    let list = List::allocate(&mut scratch, device, n)?;
+    let params = ClustersParams { count: n };
+    let buffers = [&sorted.order, &sorted.boxes, &list.clusters, &list.progress];
+    recording.dispatch("leaves", Kernel::PlocClusters, n, &params, &buffers);
+    timings.extend(device.run(&recording)?);
+    sorted.free(device);
+
+    let mut rounds = Rounds {
+        radius: radius.get(),
+        nodes: tree.nodes.clone(),
+        lists: [list, List::allocate(&mut scratch, device, n)?],
+        neighbours: scratch.allocate(device, "neighbours", n as usize, 4)?,
+        marks: scratch.allocate(device, "marks", n as usize + 1, 4)?,
+        scanner: Scanner::new(&mut scratch, device, n as usize + 1)?,
+    };
+    let progress = rounds.run(device, &mut timings)?;
+    tracing::debug!("PLOC: {} rounds, {} of them paired the list", progress.rounds, progress.paired_rounds);
+    scratch.free(device);
+    Ok((tree, timings, progress))
+}
+
+/// The clusters between two rounds.
+#[derive(Debug)]
+struct List {
+    clusters: Buffer,
+    progress: Buffer,
+}
+
+impl List {
+    fn allocate(scratch: &mut Scratch, device: &mut dyn Device, n: u32) -> Result<Self, DeviceError> {
+        Ok(Self {
+            clusters: scratch.allocate(device, "clusters", n as usize, size_of::<Cluster>())?,
+            progress: scratch.allocate(device, "progress", 1, size_of::<Progress>())?,
+        })
+    }
+}
+
+#[derive(Debug)]
+struct Rounds {
+    radius: u32,
+    nodes: Buffer,
+    /// Where the next round reads, and where it writes.
+    lists: [List; 2],
+    neighbours: Buffer,
+    marks: Buffer,
+    scanner: Scanner,
+}
+
+impl Rounds {
+    fn run(&mut self, device: &mut dyn Device, timings: &mut Vec<Timing>) -> Result<Progress, DeviceError> {
+        let mut progress = self.ask(device)?;
+        while progress.clusters > 1 {
+            let most = progress.clusters;
+            let mut recording = Recording::new();
+            for _ in 0..if most < ASK_EVERY_ROUND { ROUNDS_UNASKED } else { 1 } {
+                self.record_round(&mut recording, most);
+            }
+            timings.extend(device.run(&recording)?);
+            progress = self.ask(device)?;
+            // Every round merges a pair; one that does not would be repeated for ever.
+            if !(1..most).contains(&progress.clusters) {
+                return Err(DeviceError::Kernel {
+                    kernel: Kernel::PlocMerge.info().name,
+                    problem: format!("a round made {} clusters out of {most}", progress.clusters),
+                    device: device.info().name.clone(),
+                });
+            }
+        }
+        Ok(progress)
+    }
+
+    fn ask(&self, device: &mut dyn Device) -> Result<Progress, DeviceError> {
+        let mut progress = Progress::default();
+        device.download(&self.lists[0].progress, bytemuck::bytes_of_mut(&mut progress))?;
+        Ok(progress)
+    }
+
+    /// Records a round over at most `most` clusters.
+    fn record_round(&mut self, recording: &mut Recording, most: u32) {
+        let [list, next] = &self.lists;
+        let (neighbours, marks) = (&self.neighbours, &self.marks);
+        let params = NearestParams { count: most, radius: self.radius };
+        let buffers = [&list.clusters, &list.progress, neighbours];
+        recording.dispatch("nearest", Kernel::PlocNearest, most, &params, &buffers);
+        let params = MarkParams { count: most + 1 };
+        recording.dispatch("merge", Kernel::PlocMark, most + 1, &params, &[neighbours, &list.progress, marks]);
+        self.scanner.record(recording, "merge", marks, most + 1);
+        let params = ClustersParams { count: most };
+        let (clusters, progress) = (&list.clusters, &list.progress);
+        let buffers = [neighbours, marks, clusters, progress, &self.nodes, &next.clusters, &next.progress];
+        recording.dispatch("merge", Kernel::PlocMerge, most, &params, &buffers);
+        self.lists.swap(0, 1);
+    }
+}

@@ -1,0 +1,158 @@
+//! Top-down building on the CPU, whatever splits the references.
+
+use prbvh_kernel::node::{NO_NODE, Node, RIGHT};
+use prbvh_kernel::setup::Triangle;
+
+/// References that become a subtree.
+pub(super) trait Part: Send + Sized {
+    /// References, at least one.
+    fn len(&self) -> usize;
+    /// The first reference.
+    fn first(&self) -> u32;
+    /// Splits at least two references into two parts, neither of which is empty.
+    fn split(self) -> (Self, Self);
+}
+
+/// Below so many references a subtree is grown by one thread.
+pub(super) const SERIAL: usize = 4096;
+
+/// Deepest node below which two threads may go different ways: a tree may be as deep as it has references, the call stack not.
+const MOST_FORKS: u32 = 48;
+
+/// Splits `part` until each leaf holds one triangle. Nodes are numbered depth-first, parents before their children, so that the result
+/// does not depend on the threads.
+pub(super) fn top_down(part: impl Part, triangles: &[Triangle]) -> Vec<Node> {
+    let n = part.len();
+    let mut nodes = vec![Node { min: [0.0; 3], up: NO_NODE, max: [0.0; 3], down: 0 }; 2 * n - 1];
+    let (internal, leaves) = nodes.split_at_mut(n - 1);
+    let root = Subtree { part, internal, internal_id: 0, leaves, leaf_id: n as u32 - 1, up: NO_NODE };
+    grow(root, MOST_FORKS);
+    fill_boxes(&mut nodes, triangles);
+    nodes
+}
+
+/// Computes all boxes of a tree whose internal nodes are numbered parents first.
+pub(super) fn fill_boxes(nodes: &mut [Node], triangles: &[Triangle]) {
+    let internal = nodes.len() / 2;
+    for leaf in &mut nodes[internal..] {
+        let aabb = triangles[leaf.down as usize].aabb();
+        (leaf.min, leaf.max) = (aabb.min, aabb.max);
+    }
+    for v in (0..internal).rev() {
+        let left = nodes[v].down as usize;
+        let right = nodes[left].up as usize;
+        let aabb = nodes[left].aabb().union(nodes[right].aabb());
+        (nodes[v].min, nodes[v].max) = (aabb.min, aabb.max);
+    }
+}
+
+/// A part and the nodes that it will fill: one internal node fewer than leaves.
+struct Subtree<'a, P> {
+    part: P,
+    internal: &'a mut [Node],
+    internal_id: u32,
+    leaves: &'a mut [Node],
+    leaf_id: u32,
+    /// [`Node::up`] of its root.
+    up: u32,
+}
+
+impl<P: Part> Subtree<'_, P> {
+    /// Fills the root. Returns what hangs below it.
+    fn plant(self) -> Option<[Self; 2]> {
+        let Some((root, internal)) = self.internal.split_first_mut() else {
+            self.leaves[0].up = self.up;
+            self.leaves[0].down = self.part.first();
+            return None;
+        };
+        let (left, right) = self.part.split();
+        let count = left.len();
+        let internal_ids = [self.internal_id + 1, self.internal_id + count as u32];
+        let leaf_ids = [self.leaf_id, self.leaf_id + count as u32];
+        let left_root = if left.len() == 1 { leaf_ids[0] } else { internal_ids[0] };
+        let right_root = if right.len() == 1 { leaf_ids[1] } else { internal_ids[1] };
+        root.up = self.up;
+        root.down = left_root;
+        let internal = internal.split_at_mut(count - 1);
+        let leaves = self.leaves.split_at_mut(count);
+        Some([
+            Self {
+                part: left,
+                internal: internal.0,
+                internal_id: internal_ids[0],
+                leaves: leaves.0,
+                leaf_id: leaf_ids[0],
+                up: right_root,
+            },
+            Self {
+                part: right,
+                internal: internal.1,
+                internal_id: internal_ids[1],
+                leaves: leaves.1,
+                leaf_id: leaf_ids[1],
+                up: self.internal_id | RIGHT,
+            },
+        ])
+    }
+}
+
+fn grow<P: Part>(subtree: Subtree<'_, P>, forks: u32) {
+    if forks > 0 && subtree.leaves.len() >= SERIAL {
+        if let Some([left, right]) = subtree.plant() {
+            rayon::join(|| grow(left, forks - 1), || grow(right, forks - 1));
+        }
+        return;
+    }
+    let mut pending = vec![subtree];
+    while let Some(subtree) = pending.pop() {
+        if let Some([left, right]) = subtree.plant() {
+            pending.extend([right, left]);
+        }
+    }
+}
+
+/// A split under consideration.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Split {
+    /// `area(left) · references(left) + area(right) · references(right)` with half areas, scene units².
+    pub(super) cost: f64,
+    /// References on the left.
+    pub(super) left: usize,
+}
+
+impl Split {
+    /// A split in the middle that every other one beats.
+    pub(super) fn worst(references: usize) -> Self {
+        Self { cost: f64::INFINITY, left: references / 2 }
+    }
+
+    pub(super) fn new(left_area: f32, right_area: f32, left: usize, references: usize) -> Self {
+        let right = references - left;
+        Self { cost: f64::from(left_area) * left as f64 + f64::from(right_area) * right as f64, left }
+    }
+
+    /// Whether it is the better one of two over as many references. Of equally good ones the one closer to the middle is, so that equal
+    /// boxes make a balanced tree.
+    pub(super) fn beats(&self, other: &Self, references: usize) -> bool {
+        let off_middle = |split: &Self| (2 * split.left).abs_diff(references);
+        self.cost < other.cost || (self.cost == other.cost && off_middle(self) < off_middle(other))
+    }
+}
+
+/// Moves the ids for which `is_left` holds to the front, keeping the order among them and among the others. `spare` is as long as `ids`.
+/// Returns how many they are.
+pub(super) fn stable_partition(ids: &mut [u32], spare: &mut [u32], is_left: impl Fn(u32) -> bool) -> usize {
+    let (mut left, mut right) = (0, 0);
+    for k in 0..ids.len() {
+        let id = ids[k];
+        if is_left(id) {
+            ids[left] = id;
+            left += 1;
+        } else {
+            spare[right] = id;
+            right += 1;
+        }
+    }
+    ids[left..].copy_from_slice(&spare[..right]);
+    left
+}
