@@ -219,7 +219,7 @@ mod tests {
 
     #[test]
     fn an_initial_tree_has_a_name_or_a_file() {
-        let initial = |arguments| settings(arguments).map(|settings| settings.initial);
+        let initial = |arguments: &str| settings(arguments).map(|settings| settings.initial);
         let ploc = |radius| Ok(Initial::Ploc { radius: NonZeroU32::new(radius).unwrap() });
         assert_eq!(initial(""), Ok(Initial::Lbvh));
         assert_eq!(initial("--initial lbvh"), Ok(Initial::Lbvh));
