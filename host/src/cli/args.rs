@@ -48,7 +48,7 @@ pub(super) struct OptimizeArgs {
     /// Where the initial tree comes from: lbvh, ploc, sah-sweep, sah-binned, or a tree.bvh over the same scene.
     #[arg(long, default_value = "lbvh", value_name = "BUILDER|FILE.bvh", value_parser = OsStringValueParser::new().try_map(initial))]
     pub(super) initial: Initial,
-    /// Places in the Morton order that a cluster of ploc looks to either side [default: 25].
+    /// Places in the Morton order that a cluster of ploc looks to either side [default: 16].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub(super) radius: Option<u32>,
     /// Bits of the Morton codes that the initial tree is built from.
@@ -229,7 +229,8 @@ mod tests {
         assert_eq!(initial("--initial sah-binned"), Ok(Initial::SahBinned));
         assert_eq!(initial("--initial out/tree.BVH"), Ok(Initial::File("out/tree.BVH".into())));
         for name in ["lbvh", "ploc", "sah-sweep", "sah-binned", "a.bvh"] {
-            assert_eq!(initial(&format!("--initial {name}")).unwrap().to_string(), name);
+            let arguments = format!("--initial {name}");
+            assert_eq!(initial(&arguments).unwrap().to_string(), name);
         }
     }
 
@@ -251,7 +252,8 @@ mod tests {
     #[test]
     fn the_help_names_the_default_radius() {
         use clap::CommandFactory;
-        let help = Cli::command().find_subcommand_mut("optimize").unwrap().render_long_help().to_string();
+        let mut command = Cli::command();
+        let help = command.find_subcommand_mut("optimize").unwrap().render_long_help().to_string();
         assert!(help.contains(&format!("[default: {DEFAULT_RADIUS}]")), "{help}");
     }
 }
