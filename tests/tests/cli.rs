@@ -183,7 +183,7 @@ fn help_and_version_go_to_stdout() {
 #[test]
 fn bad_arguments_are_named() {
     let folder = with_one_triangle();
-    let cases: [(&[&str], &[&str]); 22] = [
+    let cases: [(&[&str], &[&str]); 24] = [
         (&["--frobnicate"], &["--frobnicate"]),
         (&["--mu", "0"], &["--mu", "0"]),
         (&["--mu", "x"], &["--mu", "'x'"]),
@@ -202,6 +202,8 @@ fn bad_arguments_are_named() {
         (&["--threads", "5000"], &["--threads", "5000", "1024"]),
         (&["--threads", "-1"], &["--threads", "-1"]),
         (&["--initial", "magic"], &["--initial", "magic", "lbvh"]),
+        (&["--initial", "ploc", "--radius", "-1"], &["--radius", "-1"]),
+        (&["--initial", "sah-sweep", "--radius", "5"], &["--radius", "sah-sweep"]),
         (&["--strategy", "shy"], &["--strategy", "shy", "aggressive"]),
         (&["--morton-bits", "31"], &["--morton-bits", "31", "60"]),
         (&["one.obj", "--triangles", "5"], &["--triangles", "one.obj"]),
@@ -213,6 +215,7 @@ fn bad_arguments_are_named() {
     for triangles in ["0", "-5", "x", "99999999999", "99999999999999999999"] {
         run(PRBVH, folder.path(), &["optimize", "--triangles", triangles]).refused(&["--triangles", triangles]);
     }
+    run(PRBVH, folder.path(), &["optimize", "one.obj", "--initial", "gone.bvh"]).refused(&["gone.bvh"]);
     prbvh(&["frobnicate"]).refused(&["frobnicate"]);
     prbvh(&["stats"]).refused(&["TREE"]);
     assert!(contents(folder.path()).into_keys().eq(["one.obj"]), "a refused run leaves nothing");

@@ -49,7 +49,7 @@ pub(super) struct OptimizeArgs {
     #[arg(long, default_value = "lbvh", value_name = "BUILDER|FILE.bvh", value_parser = OsStringValueParser::new().try_map(initial))]
     pub(super) initial: Initial,
     /// Places in the Morton order that a cluster of ploc looks to either side [default: 16].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub(super) radius: Option<u32>,
     /// Bits of the Morton codes that the initial tree is built from.
     #[arg(long, value_enum, default_value_t)]
