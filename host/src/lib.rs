@@ -4,6 +4,7 @@
 
 pub mod build;
 pub mod bvh;
+pub mod collapse;
 pub mod device;
 pub mod optimize;
 pub mod pipeline;

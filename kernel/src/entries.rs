@@ -4,6 +4,7 @@
 //! bindings with what it may do to them (see [`crate::mem`]), and the function that one invocation runs.
 
 use crate::aabb::Aabb;
+use crate::collapse::{self, CollapseParams, CompactNode, EmitParams, Place, PlacesParams};
 use crate::cost::{self, CostParams};
 use crate::grid;
 use crate::lbvh::{self, HierarchyParams, LeavesParams};
@@ -247,4 +248,29 @@ kernels! {
         0 links: &[NodeLinks],
         1 nodes: &[AtomicNode],
     ] => |i| snapshot::restore(i, links, nodes);
+
+    CollapseSizes collapse_sizes(params: CollapseParams) [
+        0 nodes: &[Node],
+        1 subtrees: &[AtomicU32],
+        2 arrivals: &[AtomicU32],
+    ] => |i| collapse::sizes(i, params, nodes, subtrees, arrivals);
+
+    CollapsePlaces collapse_places(params: PlacesParams) [
+        0 nodes: &[Node],
+        1 subtrees: &[u32],
+        2 places: &[Slot<Place>],
+    ] => |i| collapse::places(i, nodes, subtrees, places);
+
+    CollapseJump collapse_jump(params: PlacesParams) [
+        0 places: &[Place],
+        1 longer: &[Slot<Place>],
+    ] => |i| collapse::jump(i, places, longer);
+
+    CollapseEmit collapse_emit(params: EmitParams) [
+        0 nodes: &[Node],
+        1 subtrees: &[u32],
+        2 places: &[Place],
+        3 compact: &[Slot<CompactNode>],
+        4 order: &[Slot<u32>],
+    ] => |i| collapse::emit(i, params, nodes, subtrees, places, compact, order);
 }

@@ -14,6 +14,7 @@
 //! | [`cost`] | `cost` | boxes → partial sums of half surface areas |
 //! | [`prbvh`] | `prbvh_search`, `prbvh_lock`, `prbvh_check`, `prbvh_reinsert` | tree → better tree |
 //! | [`snapshot`] | `snapshot_save`, `snapshot_restore` | links ↔ best links |
+//! | [`mod@collapse`] | `collapse_sizes`, `collapse_places`, `collapse_jump`, `collapse_emit` | tree → tree with adaptive leaves |
 //!
 //! # Arrays of a tree
 //! A tree over `n` references has `2n-1` nodes: internal nodes `[0, n-1)` with the root at 0, leaves `[n-1, 2n-1)`.
@@ -22,6 +23,7 @@
 #![deny(unsafe_code)]
 
 pub mod aabb;
+pub mod collapse;
 pub mod cost;
 pub mod entries;
 pub mod grid;

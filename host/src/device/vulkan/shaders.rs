@@ -37,6 +37,10 @@ modules! {
     PrbvhReinsert: "prbvh_reinsert",
     SnapshotSave: "snapshot_save",
     SnapshotRestore: "snapshot_restore",
+    CollapseSizes: "collapse_sizes",
+    CollapsePlaces: "collapse_places",
+    CollapseJump: "collapse_jump",
+    CollapseEmit: "collapse_emit",
 }
 
 /// Words of a SPIR-V header.
