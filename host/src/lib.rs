@@ -8,5 +8,7 @@ pub mod collapse;
 pub mod device;
 pub mod optimize;
 pub mod pipeline;
+pub mod render;
 pub mod report;
 pub mod scene;
+pub mod trace;

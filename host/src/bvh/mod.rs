@@ -25,6 +25,7 @@ mod validate;
 pub use fault::{Link, TreeFault, summary};
 pub use hash::tree_hash;
 pub use quality::{Quality, SahModel, quality};
+pub(crate) use validate::links_and_leaves;
 pub use validate::{TreeStats, validate};
 
 use prbvh_kernel::aabb::Aabb;
