@@ -53,8 +53,8 @@ impl Camera {
                 }
                 Ok(camera(eye, centre, 45.0))
             }
-            1 => Ok(camera(at(0.06, 0.5, 0.35), at(1.0, 0.5, 0.35), 75.0)),
-            2 => Ok(camera(at(0.88, 0.85, 0.55), at(0.1, 0.2, 0.2), 75.0)),
+            1 => Ok(camera(at(0.22, 0.5, 0.4), at(1.0, 0.5, 0.35), 75.0)),
+            2 => Ok(camera(at(0.72, 0.6, 0.5), at(0.2, 0.35, 0.2), 75.0)),
             _ => {
                 let need = "a view from 0 to 2";
                 Err(RenderError::Setting { name: "view", value: number.to_string(), need })
@@ -122,20 +122,20 @@ impl AreaLight {
         let size = extent.iter().map(|x| x * x).sum::<f64>().sqrt().max(1.0);
         let mut middle = [0, 1, 2].map(|k| 0.5 * (low[k] + high[k]));
         let (half, distance) = if is_inside {
-            middle[up] = low[up] + 0.9 * extent[up];
+            middle[up] = low[up] + 0.75 * extent[up];
             (0.12, 0.4 * size)
         } else {
             middle[up] = high[up] + 0.7 * size;
-            middle[(up + 1) % 3] += 0.3 * size;
+            middle[(up + 1) % 3] += 0.8 * size;
             (0.25, size)
         };
         let edge = |k: usize| [0, 1, 2].map(|j| if j == k { (half * size) as f32 } else { 0.0 });
         let normal = [0, 1, 2].map(|k| if k == up { 1.0 } else { 0.0 });
-        // An irradiance of about 2π below the light, of about π from the sky.
+        // An irradiance of about 2π below the light, of about π/2 from the sky.
         let to_unit = 1.0 / (1u64 << 60) as f64;
         let power = (2.0 * std::f64::consts::PI * distance * distance * to_unit) as f32;
         let middle = middle.map(|x| x as f32);
-        Self { middle, u: edge((up + 1) % 3), v: edge((up + 2) % 3), normal, power, sky: 1.0 }
+        Self { middle, u: edge((up + 1) % 3), v: edge((up + 2) % 3), normal, power, sky: 0.5 }
     }
 }
 
