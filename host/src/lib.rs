@@ -4,11 +4,14 @@
 
 pub mod build;
 pub mod bvh;
+pub mod collapse;
 pub mod device;
 pub mod optimize;
 pub mod pipeline;
+pub mod render;
 pub mod report;
 pub mod scene;
+pub mod trace;
 
 /// Compiles the example of the README.
 #[cfg(doctest)]

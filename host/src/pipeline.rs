@@ -1,7 +1,8 @@
-//! From a scene to its best tree: safe range, initial tree, PRBVH, original boxes, validation.
+//! From a scene to its best tree: safe range, initial tree, PRBVH, adaptive leaves, original boxes, validation.
 
 use crate::build::{self, DeviceTree, MortonBits, TreeOfFileError};
 use crate::bvh::{self, Bvh, Quality, SahModel, TreeFault};
+use crate::collapse::{CollapseError, CollapseSettings, collapse};
 use crate::device::{Device, DeviceError, DeviceInfo, Timing};
 use crate::optimize::{IterationRow, Outcome, PrbvhSettings, prbvh};
 use crate::scene::{SafeRange, Scene};
@@ -74,17 +75,21 @@ pub struct Settings {
     pub strategy: Strategy,
     /// The optimiser.
     pub prbvh: PrbvhSettings,
+    /// Adaptive leaves after the optimisation; none: one triangle per leaf.
+    pub adaptive: Option<CollapseSettings>,
 }
 
 /// A better tree, and how it came about.
 #[derive(Clone, Debug)]
 pub struct Optimized {
-    /// The best tree; its boxes are those of the scene's triangles.
+    /// The best tree, with adaptive leaves where they were asked for; its boxes are those of the scene's triangles.
     pub tree: Bvh,
     /// Quality of the initial tree, in f64.
     pub initial: Quality,
-    /// Quality of the best tree, in f64.
+    /// Quality of the best tree with one triangle per leaf, which is what was optimised, in f64.
     pub quality: Quality,
+    /// Quality of the best tree with adaptive leaves by the costs that made them, in f64.
+    pub adaptive: Option<Quality>,
     /// Iterations and times of the optimiser.
     pub outcome: Outcome,
     /// Wall time of the initial tree, upload included, seconds.
@@ -93,6 +98,8 @@ pub struct Optimized {
     pub build_timings: Vec<Timing>,
     /// Wall time of the optimiser, seconds.
     pub optimize_s: f64,
+    /// Times of the collapse.
+    pub collapse_timings: Vec<Timing>,
 }
 
 /// Why there is no tree.
@@ -105,6 +112,9 @@ pub enum PipelineError {
     /// The file of the initial tree is not fit for it.
     #[error(transparent)]
     InitialTree(#[from] TreeOfFileError),
+    /// No leaf could be made of a subtree.
+    #[error(transparent)]
+    Collapse(#[from] CollapseError),
     /// What came back from the device is no tree over the triangles.
     #[error("the {stage} on {device} made an invalid tree: {}", bvh::summary(.faults))]
     InvalidTree {
@@ -141,9 +151,43 @@ pub fn optimize(
     let start = Instant::now();
     let outcome = prbvh(device, &tree, &settings.prbvh, &mut |row, _, _| observe(row))?;
     let optimize_s = start.elapsed().as_secs_f64();
-    let (best, quality) = hand_out(&tree, scene, device, "optimiser")?;
+    let (mut best, quality) = hand_out(&tree, scene, device, "optimiser")?;
+    let mut adaptive = None;
+    let mut collapse_timings = Vec::new();
+    if let Some(settings) = &settings.adaptive {
+        let (collapsed, measured, timings) = hand_out_collapsed(&tree, scene, device, settings)?;
+        best = collapsed;
+        adaptive = Some(measured);
+        collapse_timings = timings;
+    }
     tree.free(device);
-    Ok(Optimized { tree: best, initial, quality, outcome, build_s, build_timings, optimize_s })
+    Ok(Optimized {
+        tree: best,
+        initial,
+        quality,
+        adaptive,
+        outcome,
+        build_s,
+        build_timings,
+        optimize_s,
+        collapse_timings,
+    })
+}
+
+/// The device's tree with adaptive leaves, validated.
+fn hand_out_collapsed(
+    tree: &DeviceTree,
+    scene: &Scene,
+    device: &mut dyn Device,
+    settings: &CollapseSettings,
+) -> Result<(Bvh, Quality, Vec<Timing>), PipelineError> {
+    let mut collapsed = collapse(device, tree, settings)?;
+    let timings = std::mem::take(&mut collapsed.timings);
+    let tree = collapsed.free(device).with_boxes_of(&scene.triangles);
+    let invalid = |faults| PipelineError::InvalidTree { stage: "collapse", device: device.info().name.clone(), faults };
+    bvh::validate(&tree, Some(&scene.triangles)).map_err(invalid)?;
+    let quality = bvh::quality(&tree, &settings.sah);
+    Ok((tree, quality, timings))
 }
 
 /// The tree to start from, on the device, and the times of its stages.

@@ -4,6 +4,7 @@
 //! bindings with what it may do to them (see [`crate::mem`]), and the function that one invocation runs.
 
 use crate::aabb::Aabb;
+use crate::collapse::{self, CollapseParams, CompactNode, EmitParams, Place, PlacesParams};
 use crate::cost::{self, CostParams};
 use crate::grid;
 use crate::lbvh::{self, HierarchyParams, LeavesParams};
@@ -16,10 +17,17 @@ use crate::ploc::{self, Cluster, ClustersParams, Progress};
 use crate::prbvh::check::{check, check_words};
 use crate::prbvh::lock::{lock, lock_decrease, lock_input};
 use crate::prbvh::{PrbvhParams, Reinsertion, reinsert::reinsert, search::search};
+use crate::ray::{Hit, Ray};
 use crate::refit::{RefitParams, refit};
 use crate::setup::{self, BoundsParams, BoxesParams, Triangle};
 use crate::snapshot::{self, NodeLinks, SnapshotParams};
 use crate::sort::{self, GatherParams, ScanParams, SortParams};
+use crate::trace::counts::{self, CountParams, RayCounts};
+use crate::trace::path::{
+    self, CameraParams, FilmParams, GatherParams as LightParams, Light, Path, Pixel, ShadeParams,
+};
+use crate::trace::stack::LocalStack;
+use crate::trace::{self as tracing, TraceNode, TraceParams, TraceTriangle, trace};
 use spirv_std::glam::UVec3;
 use spirv_std::spirv;
 
@@ -279,4 +287,89 @@ kernels! {
         0 links: &[NodeLinks],
         1 nodes: &[AtomicNode],
     ] => |i| snapshot::restore(i, links, nodes);
+
+    CollapseSizes collapse_sizes(params: CollapseParams) [
+        0 nodes: &[Node],
+        1 subtrees: &[AtomicU32],
+        2 arrivals: &[AtomicU32],
+    ] => |i| collapse::sizes(i, params, nodes, subtrees, arrivals);
+
+    CollapsePlaces collapse_places(params: PlacesParams) [
+        0 nodes: &[Node],
+        1 subtrees: &[u32],
+        2 places: &[Slot<Place>],
+    ] => |i| collapse::places(i, nodes, subtrees, places);
+
+    CollapseJump collapse_jump(params: PlacesParams) [
+        0 places: &[Place],
+        1 longer: &[Slot<Place>],
+    ] => |i| collapse::jump(i, places, longer);
+
+    CollapseEmit collapse_emit(params: EmitParams) [
+        0 nodes: &[Node],
+        1 subtrees: &[u32],
+        2 places: &[Place],
+        3 compact: &[Slot<CompactNode>],
+        4 order: &[Slot<u32>],
+    ] => |i| collapse::emit(i, params, nodes, subtrees, places, compact, order);
+
+    Trace32 trace_32(params: TraceParams) [
+        0 nodes: &[TraceNode],
+        1 triangles: &[TraceTriangle],
+        2 rays: &[Ray],
+        3 hits: &[Slot<Hit>],
+    ] => |i| trace(i, params, nodes, triangles, rays, hits, &mut LocalStack::<32>::new());
+
+    Trace64 trace_64(params: TraceParams) [
+        0 nodes: &[TraceNode],
+        1 triangles: &[TraceTriangle],
+        2 rays: &[Ray],
+        3 hits: &[Slot<Hit>],
+    ] => |i| trace(i, params, nodes, triangles, rays, hits, &mut LocalStack::<64>::new());
+
+    Trace128 trace_128(params: TraceParams) [
+        0 nodes: &[TraceNode],
+        1 triangles: &[TraceTriangle],
+        2 rays: &[Ray],
+        3 hits: &[Slot<Hit>],
+    ] => |i| trace(i, params, nodes, triangles, rays, hits, &mut LocalStack::<128>::new());
+
+    TraceDeep trace_deep(params: TraceParams) [
+        0 nodes: &[TraceNode],
+        1 triangles: &[TraceTriangle],
+        2 rays: &[Ray],
+        3 hits: &[Slot<Hit>],
+        4 words: &[Slot<u32>],
+    ] => |i| tracing::trace_deep(i, params, nodes, triangles, rays, hits, words);
+
+    CountRays trace_count(params: CountParams) [
+        0 rays: &[Ray],
+        1 hits: &[Hit],
+        2 counts: &[Slot<RayCounts>],
+    ] => |i| counts::count_rays(i, params, rays, hits, counts);
+
+    PathCamera path_camera(params: CameraParams) [
+        0 rays: &[Slot<Ray>],
+        1 paths: &[Slot<Path>],
+    ] => |i| path::camera(i, params, rays, paths);
+
+    PathShade path_shade(params: ShadeParams) [
+        0 hits: &[Hit],
+        1 normals: &[f32],
+        2 rays: &[Slot<Ray>],
+        3 paths: &[Slot<Path>],
+        4 shadow_rays: &[Slot<Ray>],
+        5 lights: &[Slot<Light>],
+    ] => |i| path::shade(i, params, hits, normals, rays, paths, shadow_rays, lights);
+
+    PathGather path_gather(params: LightParams) [
+        0 shadow_hits: &[Hit],
+        1 lights: &[Light],
+        2 paths: &[Slot<Path>],
+    ] => |i| path::gather(i, params, shadow_hits, lights, paths);
+
+    PathFilm path_film(params: FilmParams) [
+        0 paths: &[Path],
+        1 pixels: &[Slot<Pixel>],
+    ] => |i| path::film(i, paths, pixels);
 }

@@ -15,6 +15,9 @@
 //! | [`cost`] | `cost` | boxes → partial sums of half surface areas |
 //! | [`prbvh`] | `prbvh_search`, `prbvh_lock`, `prbvh_check`, `prbvh_reinsert` | tree → better tree |
 //! | [`snapshot`] | `snapshot_save`, `snapshot_restore` | links ↔ best links |
+//! | [`mod@collapse`] | `collapse_sizes`, `collapse_places`, `collapse_jump`, `collapse_emit` | tree → tree with adaptive leaves |
+//! | [`trace`] | `trace_32`, `trace_64`, `trace_128`, `trace_deep`, `trace_count` | tree, rays → hits |
+//! | [`trace::path`] | `path_camera`, `path_shade`, `path_gather`, `path_film` | hits → next rays → picture |
 //!
 //! # Arrays of a tree
 //! A tree over `n` references has `2n-1` nodes: internal nodes `[0, n-1)` with the root at 0, leaves `[n-1, 2n-1)`.
@@ -23,6 +26,7 @@
 #![deny(unsafe_code)]
 
 pub mod aabb;
+pub mod collapse;
 pub mod cost;
 pub mod entries;
 pub mod grid;
@@ -33,11 +37,13 @@ pub mod morton;
 pub mod node;
 pub mod ploc;
 pub mod prbvh;
+pub mod ray;
 pub mod refit;
 pub mod setup;
 pub mod snapshot;
 pub mod sort;
 pub mod status;
+pub mod trace;
 
 #[cfg(not(target_arch = "spirv"))]
 pub mod native;

@@ -44,11 +44,16 @@ pub fn validate(tree: &Bvh, triangles: Option<&[Triangle]>) -> Result<TreeStats,
     }
 }
 
-/// The faults of links and leaves alone, without boxes.
-pub(super) fn structure_faults(tree: &Bvh) -> Vec<TreeFault> {
-    let mut check = Check::new(tree, tree.triangle_order.len());
+/// The faults of links and leaves of a tree that is to hold `triangles` triangles, without boxes.
+pub(crate) fn links_and_leaves(tree: &Bvh, triangles: usize) -> Vec<TreeFault> {
+    let mut check = Check::new(tree, triangles);
     check.structure();
     check.faults
+}
+
+/// The faults of links and leaves alone, without boxes.
+pub(super) fn structure_faults(tree: &Bvh) -> Vec<TreeFault> {
+    links_and_leaves(tree, tree.triangle_order.len())
 }
 
 /// How far the walk is with a node.

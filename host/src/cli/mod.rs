@@ -5,6 +5,7 @@ mod devices;
 mod interrupt;
 mod log;
 mod optimize;
+mod render;
 mod stats;
 
 use args::{BUILT_IN, Cli, Command, OptimizeArgs};
@@ -21,6 +22,7 @@ pub(crate) fn main() -> ExitCode {
     let result = match cli.command {
         None => optimize::run(&OptimizeArgs::main_job(), &log),
         Some(Command::Optimize(args)) => optimize::run(&args, &log),
+        Some(Command::Render(args)) => render::run(&args, &log),
         Some(Command::Stats(args)) => stats::run(&args),
         Some(Command::Devices(args)) => devices::run(&args),
     };

@@ -92,11 +92,13 @@ fn report(
     let mut phases = PhaseTimes::default();
     phases.add(&result.build_timings);
     phases.add(&result.outcome.timings);
+    phases.add(&result.collapse_timings);
     let (epsilon, epsilon_relative) = match settings.prbvh.epsilon {
         Epsilon::Relative(part) => (part, true),
         Epsilon::Absolute(change) => (change, false),
     };
     let iterations = result.outcome.rows.last().map_or(0, |row| row.iteration);
+    let handed_out = result.adaptive.unwrap_or(result.quality);
     RunReport {
         schema: report::SCHEMA,
         scene: scene.name.clone(),
@@ -104,6 +106,9 @@ fn report(
         device: device.info().name.clone(),
         initial_cost: result.initial.sah_cost,
         final_cost: result.quality.sah_cost,
+        adaptive_cost: result.adaptive.map(|quality| quality.sah_cost),
+        leaves: handed_out.leaves,
+        depth: handed_out.max_depth,
         iterations,
         time_s: result.optimize_s,
         tree_hash: bvh::tree_hash(&result.tree),
@@ -125,9 +130,10 @@ fn report(
             max_time_s: args.max_time,
             threads: u32::try_from(args.threads).ok().filter(|&threads| threads > 0),
             sah: SahModel::default(),
+            adaptive: settings.adaptive,
         },
         memory: Memory::new(device.memory().peak_bytes, triangles),
-        quality: QualityReport { initial: result.initial, last: result.quality },
+        quality: QualityReport { initial: result.initial, last: handed_out },
         scene_details: SceneReport {
             source: scene.source.clone(),
             hash: scene.hash.clone(),

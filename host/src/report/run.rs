@@ -2,6 +2,7 @@
 
 use super::{Machine, Phase};
 use crate::bvh::{Quality, SahModel};
+use crate::collapse::CollapseSettings;
 use crate::device::DeviceInfo;
 use crate::optimize::IterationRow;
 use serde::Serialize;
@@ -22,8 +23,14 @@ pub struct RunReport {
     pub device: String,
     /// SAH cost of the initial tree, unitless.
     pub initial_cost: f64,
-    /// SAH cost of the tree handed out, unitless.
+    /// SAH cost of the best tree with one triangle per leaf, which is what was optimised, unitless.
     pub final_cost: f64,
+    /// SAH cost of the tree handed out by the costs of `settings.adaptive`; none if its leaves are single.
+    pub adaptive_cost: Option<f64>,
+    /// Leaves of the tree handed out.
+    pub leaves: u32,
+    /// Most links between root and leaf of the tree handed out.
+    pub depth: u32,
     /// Iterations run.
     pub iterations: u32,
     /// Wall time of the optimisation, seconds.
@@ -115,8 +122,10 @@ pub struct Settings {
     pub max_time_s: Option<f64>,
     /// Threads of the CPU device; none: as many as there are.
     pub threads: Option<u32>,
-    /// Costs behind every SAH cost of the report.
+    /// Costs behind every SAH cost of the report but that of adaptive leaves.
     pub sah: SahModel,
+    /// Adaptive leaves; none: one triangle per leaf.
+    pub adaptive: Option<CollapseSettings>,
 }
 
 /// Device memory in buffers.

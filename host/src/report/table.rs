@@ -38,6 +38,9 @@ fn outcome(report: &RunReport, width: u16) -> Table {
     if ratio.is_finite() {
         row("final / initial", format!("{ratio:.4}"));
     }
+    if let Some(adaptive) = report.adaptive_cost {
+        row("adaptive cost", format!("{} ({} leaves)", cost(adaptive), format::count(report.leaves.into())));
+    }
     row("iterations", format::count(report.iterations.into()));
     row("build time", format::seconds(report.build_s));
     row("optimise time", format::seconds(report.time_s));

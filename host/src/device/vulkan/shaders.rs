@@ -41,6 +41,19 @@ modules! {
     PrbvhReinsert: "prbvh_reinsert",
     SnapshotSave: "snapshot_save",
     SnapshotRestore: "snapshot_restore",
+    CollapseSizes: "collapse_sizes",
+    CollapsePlaces: "collapse_places",
+    CollapseJump: "collapse_jump",
+    CollapseEmit: "collapse_emit",
+    Trace32: "trace_32",
+    Trace64: "trace_64",
+    Trace128: "trace_128",
+    TraceDeep: "trace_deep",
+    CountRays: "trace_count",
+    PathCamera: "path_camera",
+    PathShade: "path_shade",
+    PathGather: "path_gather",
+    PathFilm: "path_film",
 }
 
 /// Words of a SPIR-V header.

@@ -1,0 +1,262 @@
+//! Adaptive leaves: a tree of one triangle per leaf becomes a cheaper one with leaves of several ([`prbvh_kernel::collapse`]).
+
+use crate::build::{DeviceTree, Scratch, arrivals_length};
+use crate::bvh::{self, Bvh, BvhNode, Content, NO_NODE, ROOT, SahModel, TreeFault};
+use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
+use prbvh_kernel::Kernel;
+use prbvh_kernel::collapse::{
+    COST, CollapseParams, CompactNode, EmitParams, HEIGHT, LEAF, Place, PlacesParams, REMAINING, SIZE, SUBTREE_WORDS,
+};
+use prbvh_kernel::node::{Node, RIGHT};
+use serde::Serialize;
+
+/// When a subtree becomes a leaf.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct CollapseSettings {
+    /// The costs that decide.
+    pub sah: SahModel,
+    /// Most triangles of a leaf, at least 1; none: no limit.
+    pub max_leaf: Option<u32>,
+}
+
+/// A tree with adaptive leaves, on the device and on the host.
+#[derive(Debug)]
+pub struct Collapsed {
+    /// The nodes on the device in depth-first order, `[nodes]` [`CompactNode`]s.
+    pub nodes: Buffer,
+    /// Triangle ids on the device, leaf by leaf, `[n]`.
+    pub order: Buffer,
+    /// The same tree on the host, node for node.
+    pub tree: Bvh,
+    /// Root cost that the device decided with, unitless; in f32, so [`bvh::quality()`] of `tree` differs in the last digits.
+    pub device_cost: f64,
+    /// Time of every command.
+    pub timings: Vec<Timing>,
+}
+
+impl Collapsed {
+    /// Gives the memory of the device back and returns the tree of the host.
+    pub fn free(self, device: &mut dyn Device) -> Bvh {
+        device.free(self.nodes);
+        device.free(self.order);
+        self.tree
+    }
+}
+
+/// Why a tree was not collapsed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CollapseError {
+    /// The device refused or failed.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// What is on the device is no tree.
+    #[error("the tree on {device} is broken: {}", bvh::summary(.faults))]
+    InvalidTree {
+        /// On which device.
+        device: String,
+        /// All faults.
+        faults: Vec<TreeFault>,
+    },
+    /// A cost is no number of at least 0, or a leaf may hold nothing.
+    #[error("{name} is {value}, but must be {need}")]
+    Setting {
+        /// Which setting.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// What it must be.
+        need: &'static str,
+    },
+}
+
+/// Collapses `tree`, whose boxes are right (refitted) and in the safe range, and which stays as it is.
+///
+/// The tree that comes back has the boxes of `tree`; [`Bvh::with_boxes_of`] gives it those of the original triangles.
+///
+/// # Errors
+/// If a setting is out of range, the nodes are no tree, or the device fails.
+pub fn collapse(
+    device: &mut dyn Device,
+    tree: &DeviceTree,
+    settings: &CollapseSettings,
+) -> Result<Collapsed, CollapseError> {
+    check_settings(settings)?;
+    check_words(device, tree)?;
+    let mut scratch = Scratch::default();
+    let result = Stages { tree, scratch: &mut scratch, timings: Vec::new() }.run(device, settings);
+    scratch.free(device);
+    result
+}
+
+fn check_settings(settings: &CollapseSettings) -> Result<(), CollapseError> {
+    let SahModel { c_traversal, c_intersect } = settings.sah;
+    for (name, value) in [("c_traversal", c_traversal), ("c_intersect", c_intersect)] {
+        if !(0.0..=1e6).contains(&value) {
+            return Err(CollapseError::Setting { name, value, need: "a number from 0 to 1000000" });
+        }
+    }
+    match settings.max_leaf {
+        Some(0) => Err(CollapseError::Setting { name: "max_leaf", value: 0.0, need: "at least 1" }),
+        _ => Ok(()),
+    }
+}
+
+/// A word of a subtree has a 32-bit index.
+fn check_words(device: &dyn Device, tree: &DeviceTree) -> Result<(), DeviceError> {
+    let need = u64::from(DeviceTree::node_count(tree.references)) * u64::from(SUBTREE_WORDS);
+    if need > u64::from(u32::MAX) {
+        return Err(DeviceError::Limit {
+            what: format!("the collapse of {} triangles", tree.references),
+            name: "32-bit indices of subtree words",
+            need,
+            have: u32::MAX.into(),
+            device: device.info().name.clone(),
+        });
+    }
+    Ok(())
+}
+
+struct Stages<'a> {
+    tree: &'a DeviceTree,
+    scratch: &'a mut Scratch,
+    timings: Vec<Timing>,
+}
+
+impl Stages<'_> {
+    fn run(mut self, device: &mut dyn Device, settings: &CollapseSettings) -> Result<Collapsed, CollapseError> {
+        let count = DeviceTree::node_count(self.tree.references);
+        let length = count as usize;
+        let subtrees = self.scratch.allocate(device, "subtrees", length * SUBTREE_WORDS as usize, 4)?;
+        let root = self.sizes(device, settings, &subtrees)?;
+        let places = self.places(device, count, &subtrees, root[HEIGHT as usize])?;
+
+        let remaining = root[REMAINING as usize] as usize;
+        let nodes = device.allocate("collapsed nodes", remaining, size_of::<CompactNode>())?;
+        let order = match device.allocate("triangle order", self.tree.references as usize, 4) {
+            Ok(order) => order,
+            Err(error) => {
+                device.free(nodes);
+                return Err(error.into());
+            }
+        };
+        match self.emit(device, count, [&subtrees, &places], [&nodes, &order]) {
+            Ok(tree) => {
+                let device_cost = self.device_cost(device, root[COST as usize])?;
+                Ok(Collapsed { nodes, order, tree, device_cost, timings: self.timings })
+            }
+            Err(error) => {
+                device.free(nodes);
+                device.free(order);
+                Err(error)
+            }
+        }
+    }
+
+    /// Sizes and decisions; returns the words of the root.
+    fn sizes(
+        &mut self,
+        device: &mut dyn Device,
+        settings: &CollapseSettings,
+        subtrees: &Buffer,
+    ) -> Result<[u32; SUBTREE_WORDS as usize], CollapseError> {
+        let n = self.tree.references;
+        let params = CollapseParams {
+            count: n,
+            c_traversal: settings.sah.c_traversal as f32,
+            c_intersect: settings.sah.c_intersect as f32,
+            max_leaf: settings.max_leaf.unwrap_or(u32::MAX),
+        };
+        let arrivals = self.scratch.allocate(device, "arrivals", arrivals_length(n), 4)?;
+        let mut recording = Recording::new();
+        recording.clear("collapse", &arrivals);
+        recording.dispatch("collapse", Kernel::CollapseSizes, n, &params, &[&self.tree.nodes, subtrees, &arrivals]);
+        self.timings.extend(device.run(&recording)?);
+        let mut root = [0; SUBTREE_WORDS as usize];
+        device.download(subtrees, bytemuck::cast_slice_mut(&mut root))?;
+        if root[SIZE as usize] & !LEAF != n {
+            // Not every leaf hangs below the root.
+            let nodes = self.tree.download(device)?;
+            let faults = Bvh::from_device(&nodes).err().unwrap_or_default();
+            return Err(CollapseError::InvalidTree { device: device.info().name.clone(), faults });
+        }
+        Ok(root)
+    }
+
+    /// The places of all nodes; `height` links at most lie between the root and a leaf.
+    fn places(
+        &mut self,
+        device: &mut dyn Device,
+        count: u32,
+        subtrees: &Buffer,
+        height: u32,
+    ) -> Result<Buffer, CollapseError> {
+        let mut from = self.scratch.allocate(device, "places", count as usize, size_of::<Place>())?;
+        let mut to = self.scratch.allocate(device, "places", count as usize, size_of::<Place>())?;
+        let params = PlacesParams { count };
+        let mut recording = Recording::new();
+        let buffers = [&self.tree.nodes, subtrees, &from];
+        recording.dispatch("collapse", Kernel::CollapsePlaces, count, &params, &buffers);
+        let mut reach = 1;
+        while reach < height {
+            recording.dispatch("collapse", Kernel::CollapseJump, count, &params, &[&from, &to]);
+            std::mem::swap(&mut from, &mut to);
+            reach *= 2;
+        }
+        self.timings.extend(device.run(&recording)?);
+        Ok(from)
+    }
+
+    fn emit(
+        &mut self,
+        device: &mut dyn Device,
+        count: u32,
+        [subtrees, places]: [&Buffer; 2],
+        [nodes, order]: [&Buffer; 2],
+    ) -> Result<Bvh, CollapseError> {
+        let mut recording = Recording::new();
+        let buffers = [&self.tree.nodes, subtrees, places, nodes, order];
+        recording.dispatch("collapse", Kernel::CollapseEmit, count, &EmitParams { count }, &buffers);
+        self.timings.extend(device.run(&recording)?);
+        let mut compact = vec![bytemuck::Zeroable::zeroed(); nodes.length];
+        device.download(nodes, bytemuck::cast_slice_mut(&mut compact))?;
+        let mut triangle_order = vec![0u32; order.length];
+        device.download(order, bytemuck::cast_slice_mut(&mut triangle_order))?;
+        Ok(Bvh { nodes: linked(&compact), triangle_order })
+    }
+
+    /// Cost of the root in the unit of [`bvh::quality()`].
+    fn device_cost(&self, device: &mut dyn Device, bits: u32) -> Result<f64, CollapseError> {
+        let mut root: [Node; 1] = bytemuck::Zeroable::zeroed();
+        device.download(&self.tree.nodes, bytemuck::cast_slice_mut(&mut root))?;
+        let cost = f64::from(f32::from_bits(bits));
+        let area = root[0].aabb().half_area();
+        // The unit of the kernel: the root's area, its exponent taken away.
+        let unit =
+            if area > 0.0 { f64::from(f32::from_bits((area.to_bits() & 0x007f_ffff) | 0x3f80_0000)) } else { 1.0 };
+        Ok(cost / unit)
+    }
+}
+
+/// The nodes with their parents; ids stay.
+fn linked(compact: &[CompactNode]) -> Vec<BvhNode> {
+    let content = |v: u32, node: &CompactNode| match node.count {
+        0 => Content::Internal { left: v + 1, right: node.first },
+        count => Content::Leaf { first: node.first, count },
+    };
+    let aabb = |node: &CompactNode| prbvh_kernel::aabb::Aabb { min: node.min, max: node.max };
+    let mut nodes: Vec<BvhNode> = (ROOT..RIGHT)
+        .zip(compact)
+        .map(|(v, node)| BvhNode { aabb: aabb(node), parent: NO_NODE, content: content(v, node) })
+        .collect();
+    for v in 0..nodes.len() {
+        if let Content::Internal { left, right } = nodes[v].content {
+            for child in [left, right] {
+                if let Some(child) = nodes.get_mut(child as usize) {
+                    child.parent = v as u32;
+                }
+            }
+        }
+    }
+    nodes
+}

@@ -1,0 +1,226 @@
+//! A tree and its triangles as the tracing kernels take them.
+
+use super::{Query, TraceError, TraceRange};
+use crate::bvh::{self, Bvh, Content, ROOT};
+use crate::device::{Buffer, Device, DeviceError, Recording};
+use prbvh_kernel::Kernel;
+use prbvh_kernel::aabb::Aabb;
+use prbvh_kernel::setup::Triangle;
+use prbvh_kernel::trace::stack::STATE_ROWS;
+use prbvh_kernel::trace::{LEAF, STEPS, TraceNode, TraceParams, TraceTriangle};
+
+/// Most bytes of a buffer for the stacks of deep trees.
+const STACK_BYTES: usize = 64 << 20;
+
+/// A scene to trace rays through, on a device.
+#[derive(Debug)]
+pub struct TraceScene {
+    nodes: Buffer,
+    triangles: Buffer,
+    /// Stacks of as many rays as are traced at once, for trees too deep for a stack of the invocation's own.
+    stacks: Option<Buffer>,
+    root: u32,
+    /// Nodes and triangles, more than any ray visits.
+    most_steps: u64,
+    depth: u32,
+    range: TraceRange,
+}
+
+/// The arrays of [`TraceScene`] on the host.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Layout {
+    pub(super) nodes: Vec<TraceNode>,
+    pub(super) triangles: Vec<TraceTriangle>,
+    pub(super) root: u32,
+}
+
+impl TraceScene {
+    /// Puts `tree` over `triangles` on the device. Rays will start where no |coordinate| is larger than `reach`, scene units, or than
+    /// the scene's largest.
+    ///
+    /// # Errors
+    /// If the tree is none over as many triangles, or the device refuses or fails.
+    pub fn new(device: &mut dyn Device, tree: &Bvh, triangles: &[Triangle], reach: f32) -> Result<Self, TraceError> {
+        let range = TraceRange::of(triangles, reach);
+        let working = range.triangles(triangles);
+        let faults = bvh::links_and_leaves(tree, triangles.len());
+        if !faults.is_empty() {
+            return Err(TraceError::InvalidTree(faults));
+        }
+        let depth = bvh::quality(tree, &bvh::SahModel::default()).max_depth;
+        let layout = Layout::new(&tree.clone().with_boxes_of(&working), &working);
+        let mut scratch = crate::build::Scratch::default();
+        match Self::upload(device, &mut scratch, &layout, depth, range) {
+            Ok(scene) => Ok(scene),
+            Err(error) => {
+                scratch.free(device);
+                Err(error.into())
+            }
+        }
+    }
+
+    fn upload(
+        device: &mut dyn Device,
+        scratch: &mut crate::build::Scratch,
+        layout: &Layout,
+        depth: u32,
+        range: TraceRange,
+    ) -> Result<Self, DeviceError> {
+        // No buffer may be empty.
+        let nodes = scratch.allocate(device, "trace nodes", layout.nodes.len().max(1), size_of::<TraceNode>())?;
+        let triangles =
+            scratch.allocate(device, "trace triangles", layout.triangles.len(), size_of::<TraceTriangle>())?;
+        device.upload(&nodes, bytemuck::cast_slice(&layout.nodes))?;
+        device.upload(&triangles, bytemuck::cast_slice(&layout.triangles))?;
+        let most_steps = layout.nodes.len() as u64 + layout.triangles.len() as u64;
+        let mut scene = Self { nodes, triangles, stacks: None, root: layout.root, most_steps, depth, range };
+        if kernel(depth) == Kernel::TraceDeep {
+            scene.go_deep(device)?;
+        }
+        Ok(scene)
+    }
+
+    /// From now on rays may take any number of steps: for scenes with [`UNFINISHED`](prbvh_kernel::ray::UNFINISHED) rays. Slower.
+    ///
+    /// # Errors
+    /// If the device has no memory for the stacks.
+    pub fn go_deep(&mut self, device: &mut dyn Device) -> Result<(), DeviceError> {
+        if self.stacks.is_none() {
+            let rows = self.rows();
+            let words = (STACK_BYTES / 4 / rows).max(1) * rows;
+            self.stacks = Some(device.allocate("stacks", words, 4)?);
+        }
+        Ok(())
+    }
+
+    /// Whether rays may take any number of steps.
+    #[must_use]
+    pub fn is_deep(&self) -> bool {
+        self.stacks.is_some()
+    }
+
+    /// Words per ray of the stacks.
+    fn rows(&self) -> usize {
+        (self.depth.max(1) + STATE_ROWS) as usize
+    }
+
+    /// The coordinates on the device.
+    #[must_use]
+    pub fn range(&self) -> &TraceRange {
+        &self.range
+    }
+
+    /// Most links between root and leaf; as many words has a stack.
+    #[must_use]
+    pub fn depth(&self) -> u32 {
+        self.depth
+    }
+
+    /// The buffers of nodes, [`TraceNode`]s in breadth-first order, and of triangles.
+    #[must_use]
+    pub fn buffers(&self) -> [&Buffer; 2] {
+        [&self.nodes, &self.triangles]
+    }
+
+    /// Records the tracing of the first `count` of `rays` into `hits`; both are in the trace range.
+    pub fn record(
+        &self,
+        recording: &mut Recording,
+        label: &'static str,
+        (rays, hits): (&Buffer, &Buffer),
+        count: u32,
+        query: Query,
+    ) {
+        let any = u32::from(query == Query::Any);
+        let params = |first, count, resumes| TraceParams { count, first, root: self.root, any, resumes };
+        let (nodes, triangles) = (&self.nodes, &self.triangles);
+        match &self.stacks {
+            None => {
+                let params = params(0, count, 0);
+                let buffers = [nodes, triangles, rays, hits];
+                recording.dispatch(label, kernel(self.depth), count, &params, &buffers);
+            }
+            Some(stacks) => {
+                let at_once = u32::try_from(stacks.length / self.rows()).unwrap_or(u32::MAX);
+                for first in (0..count).step_by(at_once as usize) {
+                    let here = at_once.min(count - first);
+                    let buffers = [nodes, triangles, rays, hits, stacks];
+                    for part in 0..self.most_steps.div_ceil(STEPS.into()) {
+                        let params = params(first, here, u32::from(part > 0));
+                        recording.dispatch(label, Kernel::TraceDeep, here, &params, &buffers);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Gives the memory back.
+    pub fn free(self, device: &mut dyn Device) {
+        device.free(self.nodes);
+        device.free(self.triangles);
+        if let Some(stacks) = self.stacks {
+            device.free(stacks);
+        }
+    }
+}
+
+/// The kernel whose stack holds a tree of this depth.
+fn kernel(depth: u32) -> Kernel {
+    match depth {
+        0..=32 => Kernel::Trace32,
+        33..=64 => Kernel::Trace64,
+        65..=128 => Kernel::Trace128,
+        _ => Kernel::TraceDeep,
+    }
+}
+
+impl Layout {
+    /// Internal nodes breadth-first, triangles leaf by leaf in the order of the tree.
+    pub(super) fn new(tree: &Bvh, triangles: &[Triangle]) -> Self {
+        let mut packed: Vec<TraceTriangle> = tree
+            .triangle_order
+            .iter()
+            .map(|&id| {
+                let Triangle { a, b, c } = triangles[id as usize];
+                TraceTriangle { a, id, b, is_last: 0, c, unused: 0 }
+            })
+            .collect();
+        let mut order = Vec::new();
+        let mut numbers = vec![0u32; tree.nodes.len()];
+        let mut level = vec![ROOT];
+        while !level.is_empty() {
+            let mut below = Vec::new();
+            for &v in &level {
+                match tree.nodes[v as usize].content {
+                    Content::Internal { left, right } => {
+                        numbers[v as usize] = order.len() as u32;
+                        order.push(v);
+                        below.extend([left, right]);
+                    }
+                    Content::Leaf { first, count } => {
+                        numbers[v as usize] = first | LEAF;
+                        packed[(first + count - 1) as usize].is_last = 1;
+                    }
+                }
+            }
+            level = below;
+        }
+        let node = |&v: &u32| match tree.nodes[v as usize].content {
+            Content::Internal { left, right } => {
+                let aabb = |child: u32| -> Aabb { tree.nodes[child as usize].aabb };
+                TraceNode {
+                    left_min: aabb(left).min,
+                    left: numbers[left as usize],
+                    left_max: aabb(left).max,
+                    right: numbers[right as usize],
+                    right_min: aabb(right).min,
+                    unused: 0,
+                    right_max: aabb(right).max,
+                    also_unused: 0,
+                }
+            }
+            Content::Leaf { .. } => unreachable!("only internal nodes are in the order"),
+        };
+        Self { nodes: order.iter().map(node).collect(), triangles: packed, root: numbers[ROOT as usize] }
+    }
+}

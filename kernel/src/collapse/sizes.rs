@@ -1,0 +1,78 @@
+//! Sizes and costs of subtrees, bottom-up.
+//!
+//! Kind: climb, with the discipline of [`crate::refit`]: what one invocation hands to another goes through atomics, before an
+//! acquiring arrival. Areas are those of f32 in one fixed order, so that every device decides alike.
+
+use super::{COST, HEIGHT, LEAF, REMAINING, SIZE, word};
+use crate::mem::AtomicU32;
+use crate::node::{Links, NO_NODE, Node, ROOT};
+use bytemuck::{Pod, Zeroable};
+
+/// Smallest relative area that counts: 2^-100. Products stay normal numbers, which no device flushes.
+const LEAST_AREA: f32 = f32::from_bits(27 << 23);
+
+/// Push constants of [`sizes`].
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct CollapseParams {
+    /// Invocations: one per leaf, `n`.
+    pub count: u32,
+    /// Cost of a step of the traversal.
+    pub c_traversal: f32,
+    /// Cost of a test against a triangle.
+    pub c_intersect: f32,
+    /// Most triangles of a leaf.
+    pub max_leaf: u32,
+}
+
+/// The power of two that brings `area`, a normal number, into `[1, 2)`; 0 for no area.
+#[inline(always)]
+fn area_scale(area: f32) -> f32 {
+    if area > 0.0 { f32::from_bits((254 - (area.to_bits() >> 23)) << 23) } else { 0.0 }
+}
+
+/// Area of a node in units of the root's. Where the root has none, every ratio counts as 1, as in the measured cost.
+#[inline(always)]
+fn relative_area(node: &Node, scale: f32) -> f32 {
+    let area = node.aabb().half_area() * scale;
+    if scale == 0.0 {
+        1.0
+    } else if area < LEAST_AREA {
+        0.0
+    } else {
+        area
+    }
+}
+
+/// Invocation `i` climbs from leaf `i`. Reads `nodes[2n-1]`, whose boxes are right; writes `subtrees[2n-1]` of
+/// [`SUBTREE_WORDS`](super::SUBTREE_WORDS) words and `arrivals[n-1]`, which starts as 0.
+#[inline(always)]
+pub fn sizes(i: u32, params: &CollapseParams, nodes: &[Node], subtrees: &[AtomicU32], arrivals: &[AtomicU32]) {
+    let scale = area_scale(nodes[ROOT as usize].aabb().half_area());
+    let mut v = params.count - 1 + i;
+    subtrees[word(v, SIZE)].store(1 | LEAF);
+    subtrees[word(v, REMAINING)].store(1);
+    subtrees[word(v, COST)].store_f32(params.c_intersect * relative_area(&nodes[v as usize], scale));
+    subtrees[word(v, HEIGHT)].store(0);
+    for _ in 0..params.count {
+        let p = nodes.parent(v);
+        if p == NO_NODE || arrivals[p as usize].arrive() == 0 {
+            break;
+        }
+        let left = nodes.down(p);
+        let right = nodes.up(left);
+        let size = (subtrees[word(left, SIZE)].load() & !LEAF) + (subtrees[word(right, SIZE)].load() & !LEAF);
+        let remaining = 1 + subtrees[word(left, REMAINING)].load() + subtrees[word(right, REMAINING)].load();
+        let below = subtrees[word(left, COST)].load_f32() + subtrees[word(right, COST)].load_f32();
+        let (left_height, right_height) = (subtrees[word(left, HEIGHT)].load(), subtrees[word(right, HEIGHT)].load());
+        let area = relative_area(&nodes[p as usize], scale);
+        let as_node = params.c_traversal * area + below;
+        let as_leaf = params.c_intersect * area * size as f32;
+        let is_leaf = size <= params.max_leaf && as_leaf < as_node;
+        subtrees[word(p, SIZE)].store(if is_leaf { size | LEAF } else { size });
+        subtrees[word(p, REMAINING)].store(if is_leaf { 1 } else { remaining });
+        subtrees[word(p, COST)].store_f32(if is_leaf { as_leaf } else { as_node });
+        subtrees[word(p, HEIGHT)].store(1 + if left_height > right_height { left_height } else { right_height });
+        v = p;
+    }
+}

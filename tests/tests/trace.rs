@@ -1,0 +1,438 @@
+//! Rays: hits against all triangles one by one, the same for every tree, on every device, in every order.
+
+use prbvh::build::{DeviceTree, MortonBits, lbvh};
+use prbvh::bvh::Bvh;
+use prbvh::collapse::{CollapseSettings, collapse};
+use prbvh::device::Device;
+use prbvh::device::cpu::CpuDevice;
+use prbvh::optimize::{PrbvhSettings, prbvh};
+use prbvh::scene::{SafeRange, built_in};
+use prbvh::trace::{Hit, NO_TRIANGLE, Query, Ray, SOME_TRIANGLE, TraceError, TraceRange, TraceScene, trace};
+use prbvh_kernel::aabb::Aabb;
+use prbvh_kernel::math::{reciprocal, reciprocal_sqrt};
+use prbvh_kernel::ray::{Interval, Prepared};
+use prbvh_kernel::setup::Triangle;
+use prbvh_kernel::trace::TraceNode;
+use prbvh_tests::devices::with_devices;
+use prbvh_tests::fixtures::{Random, soup};
+use prbvh_tests::oracle::random_tree;
+use std::ops::ControlFlow;
+
+const REACH: f32 = 4.0;
+
+/// A ray from `origin` through `target`, to any distance.
+fn ray(origin: [f32; 3], target: [f32; 3]) -> Ray {
+    let direction = [0, 1, 2].map(|k| target[k] - origin[k]);
+    Ray { origin, t_min: 0.0, direction, t_max: f32::INFINITY }
+}
+
+/// Random rays around the unit cube, rays at corners and edges of triangles, rays along axes through corners.
+fn rays(triangles: &[Triangle], count: usize, seed: u64) -> Vec<Ray> {
+    let mut random = Random(seed);
+    let mut rays = Vec::new();
+    while rays.len() < count {
+        let origin = random.point(3.0).map(|x| x - 1.0);
+        let t = triangles[random.bits() as usize % triangles.len()];
+        let mix = |a: [f32; 3], b: [f32; 3], s: f32| [0, 1, 2].map(|k| a[k] + s * (b[k] - a[k]));
+        let inside = mix(mix(t.a, t.b, random.unit()), t.c, random.unit());
+        rays.push(ray(origin, random.point(1.0)));
+        rays.push(ray(origin, inside));
+        rays.push(ray(origin, t.b));
+        rays.push(ray(origin, mix(t.a, t.c, 0.5)));
+        rays.push(ray(inside, origin));
+        for k in 0..3 {
+            let mut origin = t.a;
+            origin[k] = -2.0;
+            rays.push(Ray { origin, t_min: 0.0, direction: [0, 1, 2].map(|j| f32::from(j == k)), t_max: 10.0 });
+        }
+        let short = Ray { t_min: 0.1, t_max: 0.5, ..ray(origin, inside) };
+        rays.push(short);
+    }
+    rays.retain(|ray| ray.direction != [0.0; 3]);
+    rays.truncate(count);
+    rays
+}
+
+/// Parameter and triangle of the closest hit, from all triangles one by one.
+fn brute_force(triangles: &[Triangle], rays: &[Ray]) -> Vec<(f32, u32)> {
+    let range = TraceRange::of(triangles, REACH);
+    let working = range.triangles(triangles);
+    let closest = |(k, ray): (usize, &Ray)| {
+        let ray = range.ray(k, ray).unwrap();
+        let prepared = Prepared::new(&ray);
+        let hit = |(id, t): (u32, &Triangle)| (prepared.hits([t.a, t.b, t.c], ray.t_max), id);
+        let best = (0..).zip(&working).map(hit).min_by(|a, b| a.partial_cmp(b).unwrap()).unwrap();
+        if best.0 < f32::INFINITY { (range.to_scene(best.0), best.1) } else { (0.0, NO_TRIANGLE) }
+    };
+    rays.iter().enumerate().map(closest).collect()
+}
+
+fn answers(hits: &[Hit]) -> Vec<(f32, u32)> {
+    hits.iter().map(|hit| (hit.t, hit.triangle)).collect()
+}
+
+/// Trees of one scene by name, from bad to good.
+fn trees(triangles: &[Triangle]) -> Vec<(&'static str, Bvh)> {
+    let boxes: Vec<Aabb> = triangles.iter().map(Triangle::aabb).collect();
+    let random = Bvh::from_device(&random_tree(&boxes, 1).encode()).unwrap();
+    let mut device = CpuDevice::new(2).unwrap();
+    let working = SafeRange::of(triangles).apply(triangles);
+    let (tree, _) = lbvh(&mut device, &working, MortonBits::Sixty).unwrap();
+    let hand_out =
+        |tree: &DeviceTree, device: &mut CpuDevice| Bvh::from_device(&tree.download(device).unwrap()).unwrap();
+    let first = hand_out(&tree, &mut device);
+    let settings = PrbvhSettings { max_iterations: 10, ..PrbvhSettings::default() };
+    prbvh(&mut device, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(())).unwrap();
+    let better = hand_out(&tree, &mut device);
+    let adaptive = collapse(&mut device, &tree, &CollapseSettings::default()).unwrap().free(&mut device);
+    vec![("random", random), ("LBVH", first), ("PRBVH", better), ("adaptive", adaptive)]
+}
+
+fn run(device: &mut dyn Device, tree: &Bvh, triangles: &[Triangle], rays: &[Ray], query: Query) -> Vec<Hit> {
+    let mut scene = TraceScene::new(device, tree, triangles, REACH).unwrap();
+    let (hits, _) = trace(device, &mut scene, rays, query).unwrap();
+    scene.free(device);
+    hits
+}
+
+/// Hits of every tree on every device against all triangles one by one.
+fn check(triangles: &[Triangle], rays: &[Ray], what: &str) {
+    let expected = brute_force(triangles, rays);
+    for (name, tree) in trees(triangles) {
+        let mut first: Option<Vec<Hit>> = None;
+        with_devices(|devices| {
+            for (device_name, device) in devices {
+                let before = device.memory().bytes;
+                let hits = run(&mut **device, &tree, triangles, rays, Query::Closest);
+                for (k, (hit, expected)) in answers(&hits).iter().zip(&expected).enumerate() {
+                    assert_eq!(hit, expected, "{what}, {name}, {device_name}, ray {k}: {:?}", rays[k]);
+                }
+                let any = run(&mut **device, &tree, triangles, rays, Query::Any);
+                for (k, (any, &(_, triangle))) in any.iter().zip(&expected).enumerate() {
+                    let some = if triangle == NO_TRIANGLE { NO_TRIANGLE } else { SOME_TRIANGLE };
+                    assert_eq!((any.t, any.triangle), (0.0, some), "{what}, {name}, {device_name}, ray {k}");
+                    assert!(any.triangle_tests <= hits[k].triangle_tests.max(1) || some == SOME_TRIANGLE);
+                }
+                let both = [hits, any].concat();
+                // The costs too are the same everywhere.
+                assert!(*first.get_or_insert_with(|| both.clone()) == both, "{what}, {name}, {device_name}");
+                assert_eq!(device.memory().bytes, before);
+            }
+        });
+    }
+}
+
+#[test]
+fn random_soups() {
+    for (count, size, seed) in [(1, 0.5, 1), (2, 0.5, 2), (7, 0.8, 3), (400, 0.3, 4), (2000, 0.05, 5)] {
+        let triangles = soup(count, size, seed);
+        check(&triangles, &rays(&triangles, 1500, seed), &format!("soup of {count}"));
+    }
+}
+
+#[test]
+fn the_built_in_scene() {
+    let scene = built_in(3000);
+    let scaled = |p: [f32; 3]| p.map(|x| x / 32.0);
+    let triangles: Vec<Triangle> =
+        scene.triangles.iter().map(|t| Triangle { a: scaled(t.a), b: scaled(t.b), c: scaled(t.c) }).collect();
+    check(&triangles, &rays(&triangles, 2000, 6), "built-in");
+}
+
+/// Two triangles for each square of a wall at x = 0.5, on a grid whose numbers have few digits.
+fn wall(squares: usize) -> Vec<Triangle> {
+    let at = |j: usize, k: usize| [0.5, j as f32 / squares as f32, k as f32 / squares as f32];
+    let square = |(j, k): (usize, usize)| {
+        let lower = Triangle { a: at(j, k), b: at(j + 1, k), c: at(j + 1, k + 1) };
+        [lower, Triangle { a: at(j, k), b: at(j + 1, k + 1), c: at(j, k + 1) }]
+    };
+    (0..squares).flat_map(|j| (0..squares).map(move |k| (j, k))).flat_map(square).collect()
+}
+
+#[test]
+fn a_wall_has_no_holes_at_edges_and_corners() {
+    let triangles = wall(8);
+    let mut random = Random(3);
+    let mut rays = Vec::new();
+    for _ in 0..500 {
+        let [j, k] = [1 + random.bits() % 7, 1 + random.bits() % 7].map(|x| x as f32 / 8.0);
+        let free = random.unit() * 0.9 + 0.05;
+        let origin = [-random.unit() - 0.1, random.unit(), random.unit()];
+        for target in [[0.5, j, k], [0.5, j, free], [0.5, free, k], [0.5, free, free]] {
+            rays.push(ray(origin, target));
+            let straight = [origin[0], target[1], target[2]];
+            rays.push(ray(straight, target));
+        }
+    }
+    check(&triangles, &rays, "wall");
+    assert!(brute_force(&triangles, &rays).iter().all(|hit| hit.1 != NO_TRIANGLE), "a ray went through the wall");
+}
+
+#[test]
+fn rays_in_the_plane_of_a_wall_and_along_its_edges() {
+    let triangles = wall(4);
+    let mut rays = Vec::new();
+    for k in 0..=8 {
+        let at = k as f32 / 8.0;
+        rays.push(ray([0.5, at, -1.0], [0.5, at, 2.0]));
+        rays.push(ray([0.5, -1.0, at], [0.5, 2.0, at]));
+        rays.push(ray([0.5, -1.0, at - 1.0], [0.5, 1.0, at + 1.0]));
+        rays.push(ray([0.5, at, at], [1.5, at, at]));
+    }
+    check(&triangles, &rays, "in the plane");
+}
+
+#[test]
+fn degenerate_and_coincident_triangles() {
+    let mut triangles = soup(60, 0.5, 8);
+    for k in 0..20 {
+        let t = triangles[k];
+        triangles.push(Triangle { a: t.a, b: t.a, c: t.a });
+        triangles.push(Triangle { a: t.a, b: t.b, c: t.b });
+        triangles.push(Triangle { a: t.a, b: t.b, c: [0, 1, 2].map(|k| 0.5 * (t.a[k] + t.b[k])) });
+        // The same surface again, in another order of corners: the lower number wins.
+        triangles.push(t);
+        triangles.push(Triangle { a: t.b, b: t.c, c: t.a });
+    }
+    let rays = rays(&triangles, 2000, 9);
+    check(&triangles, &rays, "degenerate");
+    let twins = brute_force(&triangles, &rays).into_iter().filter(|hit| hit.1 < 20).count();
+    assert!(twins > 50, "only {twins} rays hit a triangle with a twin");
+}
+
+#[test]
+fn scenes_at_the_ends_of_f32() {
+    for scale in [1e30f32, 1e-30, 1e-40] {
+        let scaled = |p: [f32; 3]| p.map(|x| x * scale);
+        let unscaled = soup(200, 0.3, 11);
+        let triangles: Vec<Triangle> =
+            unscaled.iter().map(|t| Triangle { a: scaled(t.a), b: scaled(t.b), c: scaled(t.c) }).collect();
+        let rays: Vec<Ray> = rays(&unscaled, 500, 12)
+            .into_iter()
+            .map(|ray| Ray { origin: scaled(ray.origin), t_max: f32::INFINITY, t_min: 0.0, ..ray })
+            .collect();
+        let mut device = CpuDevice::new(2).unwrap();
+        let tree = trees(&triangles).pop().unwrap().1;
+        let mut scene = TraceScene::new(&mut device, &tree, &triangles, 4.0 * scale).unwrap();
+        let (hits, _) = trace(&mut device, &mut scene, &rays, Query::Closest).unwrap();
+        scene.free(&mut device);
+        let hit = hits.iter().filter(|hit| hit.triangle != NO_TRIANGLE).count();
+        assert!(hit > 250, "{hit} of 500 rays hit something at {scale:e}");
+    }
+}
+
+/// Möller & Trumbore 1997 in f64: parameter, and the smallest of the three barycentric coordinates.
+fn reference(ray: &Ray, t: &Triangle) -> Option<(f64, f64)> {
+    let minus = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|k| f64::from(a[k]) - f64::from(b[k]));
+    let cross =
+        |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|k| a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3]);
+    let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| a[k] * b[k]).sum::<f64>();
+    let (e1, e2) = (minus(t.b, t.a), minus(t.c, t.a));
+    let d = ray.direction.map(f64::from);
+    let p = cross(d, e2);
+    let determinant = dot(e1, p);
+    if determinant.abs() < 1e-4 * dot(e1, e1).sqrt() * dot(e2, e2).sqrt() {
+        return None;
+    }
+    let s = minus(ray.origin, t.a);
+    let u = dot(s, p) / determinant;
+    let q = cross(s, e1);
+    let v = dot(d, q) / determinant;
+    Some((dot(e2, q) / determinant, u.min(v).min(1.0 - u - v)))
+}
+
+#[test]
+fn the_triangle_test_agrees_with_f64() {
+    let triangles = soup(300, 0.5, 13);
+    let range = TraceRange::of(&triangles, REACH);
+    let working = range.triangles(&triangles);
+    let (mut inside, mut outside) = (0, 0);
+    for (k, ray) in rays(&triangles, 2000, 14).iter().enumerate() {
+        let ray = Ray { t_min: 0.0, t_max: f32::INFINITY, ..*ray };
+        let ray = range.ray(k, &ray).unwrap();
+        let prepared = Prepared::new(&ray);
+        for t in &working {
+            let Some((along, margin)) = reference(&ray, t) else { continue };
+            let found = prepared.hits([t.a, t.b, t.c], ray.t_max);
+            let largest = f64::from(1u32 << 30);
+            if margin > 1e-3 && along > 1e-5 * largest {
+                assert!((f64::from(found) - along).abs() < 1e-4 * largest, "{found} is not {along}");
+                inside += 1;
+            } else if margin < -1e-3 || along < -1e-5 * largest {
+                assert!(found.is_infinite(), "a hit outside, margin {margin}, at {along}");
+                outside += 1;
+            }
+        }
+    }
+    assert!(inside > 3_000 && outside > 100_000, "{inside} inside, {outside} outside");
+}
+
+#[test]
+fn a_box_inside_another_has_the_smaller_interval() {
+    let mut random = Random(15);
+    for _ in 0..200_000 {
+        let scale = (1u64 << (random.bits() % 32)) as f32;
+        let mut coordinates = [0; 4].map(|_| random.point(2.0 * scale).map(|x| x - scale));
+        for k in 0..3 {
+            let mut sorted = coordinates.map(|p| p[k]);
+            sorted.sort_by(f32::total_cmp);
+            // Now and then a face in common, or a flat box.
+            if random.bits().is_multiple_of(4) {
+                sorted[1] = sorted[0];
+            }
+            if random.bits().is_multiple_of(4) {
+                sorted[2] = sorted[1];
+            }
+            (0..4).for_each(|j| coordinates[j][k] = sorted[j]);
+        }
+        let origin = random.point(4.0 * scale).map(|x| x - 2.0 * scale);
+        let mut direction = random.point(2.0).map(|x| x - 1.0);
+        if random.bits().is_multiple_of(4) {
+            direction[(random.bits() % 3) as usize] = 0.0;
+        }
+        let ray = Prepared::new(&Ray::snapped(origin, direction, f32::MAX));
+        let outer: Interval = ray.in_box(&Aabb { min: coordinates[0], max: coordinates[3] });
+        let inner = ray.in_box(&Aabb { min: coordinates[1], max: coordinates[2] });
+        if inner.far > 0.0 {
+            assert!(outer.near <= inner.near && outer.far >= inner.far, "{outer:?} {inner:?}");
+        }
+    }
+}
+
+#[test]
+fn reciprocals_are_exact_to_the_last_places() {
+    let mut random = Random(16);
+    for _ in 0..300_000 {
+        let x = f32::from_bits((random.bits() as u32 & 0x007f_ffff) | ((10 + random.bits() as u32 % 235) << 23));
+        let error = (f64::from(reciprocal(x)) * f64::from(x) - 1.0).abs();
+        assert!(error < 3.0 * 2f64.powi(-24), "1 / {x:e}: {error:e}");
+        assert_eq!(reciprocal(-x), -reciprocal(x));
+        if (1e-30..1e30).contains(&x) {
+            let error = (f64::from(reciprocal_sqrt(x)).powi(2) * f64::from(x) - 1.0).abs();
+            assert!(error < 8.0 * 2f64.powi(-24), "1 / sqrt {x:e}: {error:e}");
+        }
+    }
+}
+
+/// A tree in which node `k` has triangle `k` and the rest below it, links only.
+fn chain(triangles: &[Triangle]) -> Bvh {
+    let n = triangles.len() as u32;
+    let mut tree = prbvh_tests::oracle::NaiveTree {
+        children: vec![Vec::new(); 2 * n as usize - 1],
+        boxes: vec![triangles[0].aabb(); 2 * n as usize - 1],
+        references: vec![0; n as usize - 1],
+    };
+    tree.references.extend(0..n);
+    for p in 0..n - 1 {
+        // The rest on the left and on the right in turn.
+        let rest = if p + 2 < n { p + 1 } else { 2 * n - 2 };
+        let leaf = n - 1 + p;
+        tree.children[p as usize] = if p % 2 == 0 { vec![leaf, rest] } else { vec![rest, leaf] };
+    }
+    Bvh::from_device(&tree.encode()).unwrap()
+}
+
+#[test]
+fn stacks_hold_trees_of_every_depth() {
+    for depth in [1usize, 2, 31, 32, 33, 63, 64, 65, 127, 128, 129, 10_000, 60_000] {
+        let triangles = soup(depth + 1, 0.4, depth as u64);
+        let rays = rays(&triangles, if depth > 1000 { 40 } else { 200 }, 18);
+        let expected = brute_force(&triangles, &rays);
+        let tree = chain(&triangles);
+        with_devices(|devices| {
+            for (name, device) in devices {
+                let mut scene = TraceScene::new(&mut **device, &tree, &triangles, REACH).unwrap();
+                assert_eq!(scene.depth() as usize, depth);
+                let (hits, _) = trace(&mut **device, &mut scene, &rays, Query::Closest).unwrap();
+                assert_eq!(answers(&hits), expected, "depth {depth}, {name}");
+                scene.free(&mut **device);
+            }
+        });
+    }
+}
+
+#[test]
+fn a_leaf_of_more_triangles_than_a_dispatch_has_steps() {
+    let triangles: Vec<Triangle> = soup(8, 0.3, 19).into_iter().cycle().take(70_000).collect();
+    let rays = rays(&triangles, 30, 20);
+    let expected = brute_force(&triangles, &rays);
+    let root = prbvh::bvh::BvhNode {
+        aabb: triangles[0].aabb(),
+        parent: prbvh::bvh::NO_NODE,
+        content: prbvh::bvh::Content::Leaf { first: 0, count: 70_000 },
+    };
+    let tree = Bvh { nodes: vec![root], triangle_order: (0..70_000).rev().collect() };
+    with_devices(|devices| {
+        for (name, device) in devices {
+            let mut scene = TraceScene::new(&mut **device, &tree, &triangles, REACH).unwrap();
+            let (hits, _) = trace(&mut **device, &mut scene, &rays, Query::Closest).unwrap();
+            assert!(scene.is_deep());
+            assert_eq!(answers(&hits), expected, "{name}");
+            assert!(hits.iter().all(|hit| hit.triangle_tests == 70_000));
+            scene.free(&mut **device);
+        }
+    });
+}
+
+#[test]
+fn a_box_that_is_too_small_is_noticed() {
+    let triangles = wall(8);
+    let rays: Vec<Ray> = (0..64)
+        .map(|k| [0.5, (k / 8) as f32 / 8.0 + 0.001, (k % 8) as f32 / 8.0 + 0.001])
+        .map(|target| ray([-1.0, target[1], target[2]], target))
+        .collect();
+    let expected = brute_force(&triangles, &rays);
+    let tree = trees(&triangles).swap_remove(2).1;
+    let mut device = CpuDevice::new(1).unwrap();
+    let mut scene = TraceScene::new(&mut device, &tree, &triangles, REACH).unwrap();
+    let nodes = scene.buffers()[0].clone();
+    let mut whole: Vec<TraceNode> = vec![bytemuck::Zeroable::zeroed(); nodes.length];
+    device.download(&nodes, bytemuck::cast_slice_mut(&mut whole)).unwrap();
+    let mut noticed = 0;
+    for v in 0..whole.len() {
+        // One box of one node, its lower face moved inwards by two thousandths of the wall.
+        let mut broken = whole.clone();
+        broken[v].left_min[1] += 0.002 * scene.range().coordinate(1.0);
+        device.upload(&nodes, bytemuck::cast_slice(&broken)).unwrap();
+        let (hits, _) = trace(&mut device, &mut scene, &rays, Query::Closest).unwrap();
+        noticed += usize::from(answers(&hits) != expected);
+    }
+    assert!(noticed * 3 > whole.len(), "{noticed} of {} faults were noticed", whole.len());
+    device.upload(&nodes, bytemuck::cast_slice(&whole)).unwrap();
+    let (hits, _) = trace(&mut device, &mut scene, &rays, Query::Closest).unwrap();
+    assert_eq!(answers(&hits), expected);
+}
+
+#[test]
+fn bad_rays_and_trees_are_refused() {
+    let triangles = soup(10, 0.3, 1);
+    let mut device = CpuDevice::new(1).unwrap();
+    let mut tree = trees(&triangles).swap_remove(1).1;
+    let mut scene = TraceScene::new(&mut device, &tree, &triangles, REACH).unwrap();
+    let good = ray([0.0; 3], [1.0; 3]);
+    let bad = [
+        Ray { origin: [f32::NAN, 0.0, 0.0], ..good },
+        Ray { origin: [0.0, 5.0, 0.0], ..good },
+        Ray { direction: [0.0; 3], ..good },
+        Ray { direction: [f32::INFINITY, 0.0, 0.0], ..good },
+        Ray { direction: [0.0, f32::NAN, 1.0], ..good },
+        Ray { t_min: -1.0, ..good },
+        Ray { t_max: f32::NAN, ..good },
+    ];
+    for ray in bad {
+        let error = trace(&mut device, &mut scene, &[good, ray], Query::Closest).unwrap_err();
+        assert!(matches!(error, TraceError::Ray { ray: 1, .. }), "{error}");
+    }
+    assert!(trace(&mut device, &mut scene, &[], Query::Any).unwrap().0.is_empty());
+    // No part of a ray: no hit and no test.
+    let (hits, _) = trace(&mut device, &mut scene, &[Ray { t_min: 2.0, t_max: 1.0, ..good }], Query::Closest).unwrap();
+    assert_eq!(hits, [Hit { t: 0.0, triangle: NO_TRIANGLE, box_tests: 0, triangle_tests: 0 }]);
+    scene.free(&mut device);
+    // A tree of another scene.
+    let error = TraceScene::new(&mut device, &tree, &triangles[..9], REACH).unwrap_err();
+    assert!(matches!(error, TraceError::InvalidTree(_)), "{error}");
+    tree.triangle_order[3] = tree.triangle_order[4];
+    let error = TraceScene::new(&mut device, &tree, &triangles, REACH).unwrap_err();
+    assert!(matches!(error, TraceError::InvalidTree(_)), "{error}");
+    assert_eq!(device.memory().bytes, 0);
+}
