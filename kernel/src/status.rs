@@ -16,7 +16,7 @@ pub const FAULTS: usize = 3;
 /// Most steps that a single search took.
 pub const MOST_STEPS: usize = 4;
 
-/// A search took more steps than a tree of this size has.
+/// A device ended a search before it was done or at its bound.
 pub const FAULT_SEARCH_STEPS: u32 = 1;
 /// An internal node was not completed by both of its children: the links are no tree.
 pub const FAULT_BROKEN_TREE: u32 = 2;

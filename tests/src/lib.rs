@@ -5,4 +5,5 @@ pub mod compare;
 pub mod devices;
 pub mod fixtures;
 pub mod oracle;
+pub mod rays;
 pub mod scenes;

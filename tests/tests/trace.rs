@@ -9,49 +9,14 @@ use prbvh::optimize::{PrbvhSettings, prbvh};
 use prbvh::scene::{SafeRange, built_in};
 use prbvh::trace::{Hit, NO_TRIANGLE, Query, Ray, SOME_TRIANGLE, TraceError, TraceRange, TraceScene, trace};
 use prbvh_kernel::aabb::Aabb;
-use prbvh_kernel::math::{reciprocal, reciprocal_sqrt};
-use prbvh_kernel::ray::{Interval, Prepared};
+use prbvh_kernel::ray::Prepared;
 use prbvh_kernel::setup::Triangle;
 use prbvh_kernel::trace::TraceNode;
 use prbvh_tests::devices::with_devices;
 use prbvh_tests::fixtures::{Random, soup};
 use prbvh_tests::oracle::random_tree;
+use prbvh_tests::rays::{REACH, ray, rays};
 use std::ops::ControlFlow;
-
-const REACH: f32 = 4.0;
-
-/// A ray from `origin` through `target`, to any distance.
-fn ray(origin: [f32; 3], target: [f32; 3]) -> Ray {
-    let direction = [0, 1, 2].map(|k| target[k] - origin[k]);
-    Ray { origin, t_min: 0.0, direction, t_max: f32::INFINITY }
-}
-
-/// Random rays around the unit cube, rays at corners and edges of triangles, rays along axes through corners.
-fn rays(triangles: &[Triangle], count: usize, seed: u64) -> Vec<Ray> {
-    let mut random = Random(seed);
-    let mut rays = Vec::new();
-    while rays.len() < count {
-        let origin = random.point(3.0).map(|x| x - 1.0);
-        let t = triangles[random.bits() as usize % triangles.len()];
-        let mix = |a: [f32; 3], b: [f32; 3], s: f32| [0, 1, 2].map(|k| a[k] + s * (b[k] - a[k]));
-        let inside = mix(mix(t.a, t.b, random.unit()), t.c, random.unit());
-        rays.push(ray(origin, random.point(1.0)));
-        rays.push(ray(origin, inside));
-        rays.push(ray(origin, t.b));
-        rays.push(ray(origin, mix(t.a, t.c, 0.5)));
-        rays.push(ray(inside, origin));
-        for k in 0..3 {
-            let mut origin = t.a;
-            origin[k] = -2.0;
-            rays.push(Ray { origin, t_min: 0.0, direction: [0, 1, 2].map(|j| f32::from(j == k)), t_max: 10.0 });
-        }
-        let short = Ray { t_min: 0.1, t_max: 0.5, ..ray(origin, inside) };
-        rays.push(short);
-    }
-    rays.retain(|ray| ray.direction != [0.0; 3]);
-    rays.truncate(count);
-    rays
-}
 
 /// Parameter and triangle of the closest hit, from all triangles one by one.
 fn brute_force(triangles: &[Triangle], rays: &[Ray]) -> Vec<(f32, u32)> {
@@ -221,6 +186,7 @@ fn scenes_at_the_ends_of_f32() {
     }
 }
 
+<<<<<<< HEAD
 /// Möller & Trumbore 1997 in f64: parameter, and the smallest of the three barycentric coordinates.
 fn reference(ray: &Ray, t: &Triangle) -> Option<(f64, f64)> {
     let minus = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|k| f64::from(a[k]) - f64::from(b[k]));
@@ -314,6 +280,8 @@ fn reciprocals_are_exact_to_the_last_places() {
     }
 }
 
+=======
+>>>>>>> h-trace
 /// A tree in which node `k` has triangle `k` and the rest below it, links only.
 fn chain(triangles: &[Triangle]) -> Bvh {
     let n = triangles.len() as u32;
