@@ -1,10 +1,9 @@
 //! What the command line can say.
 
+use super::leaves::LeavesArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use prbvh::build::{DEFAULT_RADIUS, MortonBits};
-use prbvh::bvh::SahModel;
-use prbvh::collapse::CollapseSettings;
 use prbvh::device::DeviceChoice;
 use prbvh::optimize::{Epsilon, PrbvhSettings};
 use prbvh::pipeline::{Initial, Settings, Strategy};
@@ -149,46 +148,6 @@ impl OptimizeArgs {
     }
 }
 
-/// Leaves of the tree that is written.
-#[derive(Clone, Debug, Args)]
-pub(super) struct LeavesArgs {
-    /// One triangle per leaf, or as many as the SAH cost says [default: single, but adaptive with one of the next three].
-    #[arg(long, value_enum)]
-    pub(super) leaves: Option<LeavesArg>,
-    /// Most triangles of an adaptive leaf [default: no limit].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    pub(super) max_leaf: Option<u32>,
-    /// Cost of a step of the traversal, for adaptive leaves [default: 3].
-    #[arg(long, value_name = "COST", value_parser = not_negative)]
-    pub(super) c_traversal: Option<f64>,
-    /// Cost of a test against a triangle, for adaptive leaves [default: 2].
-    #[arg(long, value_name = "COST", value_parser = not_negative)]
-    pub(super) c_intersect: Option<f64>,
-}
-
-impl LeavesArgs {
-    /// None for single leaves.
-    pub(super) fn settings(&self) -> Option<CollapseSettings> {
-        let defaults = SahModel::default();
-        let sah = SahModel {
-            c_traversal: self.c_traversal.unwrap_or(defaults.c_traversal),
-            c_intersect: self.c_intersect.unwrap_or(defaults.c_intersect),
-        };
-        let is_asked_for = self.max_leaf.is_some() || self.c_traversal.is_some() || self.c_intersect.is_some();
-        match self.leaves {
-            None if is_asked_for => Some(CollapseSettings { sah, max_leaf: self.max_leaf }),
-            Some(LeavesArg::Adaptive) => Some(CollapseSettings { sah, max_leaf: self.max_leaf }),
-            None | Some(LeavesArg::Single) => None,
-        }
-    }
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum LeavesArg {
-    Single,
-    Adaptive,
-}
-
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
 pub(super) enum StrategyArg {
     #[default]
@@ -316,7 +275,7 @@ fn initial(text: OsString) -> Result<Initial, String> {
     }
 }
 
-fn not_negative(text: &str) -> Result<f64, String> {
+pub(super) fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
         _ => Err("not a finite number of at least 0".to_owned()),

@@ -3,6 +3,7 @@
 mod args;
 mod devices;
 mod interrupt;
+mod leaves;
 mod log;
 mod optimize;
 mod render;
