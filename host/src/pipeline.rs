@@ -183,10 +183,7 @@ fn hand_out_collapsed(
 ) -> Result<(Bvh, Quality, Vec<Timing>), PipelineError> {
     let mut collapsed = collapse(device, tree, settings)?;
     let timings = std::mem::take(&mut collapsed.timings);
-    let tree = collapsed.free(device).with_boxes_of(&scene.triangles);
-    let invalid = |faults| PipelineError::InvalidTree { stage: "collapse", device: device.info().name.clone(), faults };
-    bvh::validate(&tree, Some(&scene.triangles)).map_err(invalid)?;
-    let quality = bvh::quality(&tree, &settings.sah);
+    let (tree, quality) = measured(Ok(collapsed.free(device)), scene, device.info(), "collapse", &settings.sah)?;
     Ok((tree, quality, timings))
 }
 
@@ -219,11 +216,22 @@ fn hand_out(
     device: &mut dyn Device,
     stage: &'static str,
 ) -> Result<(Bvh, Quality), PipelineError> {
-    let nodes = tree.download(device)?;
-    let invalid = |faults| PipelineError::InvalidTree { stage, device: device.info().name.clone(), faults };
-    let tree = Bvh::from_device(&nodes).map_err(invalid)?.with_boxes_of(&scene.triangles);
+    let decoded = Bvh::from_device(&tree.download(device)?);
+    measured(decoded, scene, device.info(), stage, &SahModel::default())
+}
+
+/// A decoded tree with the boxes of the original triangles, validated, and its quality.
+fn measured(
+    decoded: Result<Bvh, Vec<TreeFault>>,
+    scene: &Scene,
+    device: &DeviceInfo,
+    stage: &'static str,
+    sah: &SahModel,
+) -> Result<(Bvh, Quality), PipelineError> {
+    let invalid = |faults| PipelineError::InvalidTree { stage, device: device.name.clone(), faults };
+    let tree = decoded.map_err(invalid)?.with_boxes_of(&scene.triangles);
     bvh::validate(&tree, Some(&scene.triangles)).map_err(invalid)?;
-    let quality = bvh::quality(&tree, &SahModel::default());
+    let quality = bvh::quality(&tree, sah);
     Ok((tree, quality))
 }
 
