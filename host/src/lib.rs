@@ -5,6 +5,7 @@
 pub mod build;
 pub mod bvh;
 pub mod collapse;
+pub mod compare;
 pub mod device;
 pub mod optimize;
 pub mod pipeline;

@@ -1,0 +1,182 @@
+//! What a comparison found: the rows of the table, and the runs behind the figures.
+
+use crate::device::DeviceInfo;
+use crate::optimize::IterationRow;
+use crate::report::{Machine, Phase, Program};
+use serde::{Deserialize, Serialize};
+
+/// Version of [`Comparison`] as JSON; grows when a key changes its meaning or goes away.
+pub const SCHEMA: u32 = 1;
+
+/// Methods against each other on some scenes, all costs from the one f64 evaluator ([`crate::bvh::quality`]).
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    /// [`SCHEMA`].
+    pub schema: u32,
+    /// The machine.
+    pub machine: Machine,
+    /// The program, its commit and the command line.
+    pub program: Program,
+    /// The devices used, in the order of `--device`.
+    pub devices: Vec<DeviceInfo>,
+    /// Times of a row are medians of this many runs.
+    pub repeat: u32,
+    /// How the rays were made; none: nothing was traced.
+    pub rays: Option<RaySettings>,
+    /// In the order of the command line.
+    pub scenes: Vec<SceneComparison>,
+}
+
+/// The path tracer's settings, for all scenes and methods alike.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RaySettings {
+    /// Columns of a picture.
+    pub width: u32,
+    /// Rows of a picture.
+    pub height: u32,
+    /// Paths per pixel.
+    pub samples: u32,
+    /// Times that a path goes on after the first surface.
+    pub bounces: u32,
+    /// Shadow rays per surface hit.
+    pub light_samples: u32,
+    /// Views of each scene, over which the rates are taken.
+    pub views: u32,
+}
+
+/// One scene.
+#[derive(Clone, Debug, Serialize)]
+pub struct SceneComparison {
+    /// Name.
+    pub name: String,
+    /// Hash of its triangles.
+    pub hash: String,
+    /// Triangles in the trees.
+    pub triangles: u32,
+    /// A row per method, µ and device.
+    pub rows: Vec<MethodRow>,
+    /// The optimiser's runs, for the figures.
+    pub runs: Vec<OptimizerRun>,
+    /// Pictures of the scene.
+    pub pictures: Vec<Picture>,
+}
+
+/// A row of the table. What a method does not have is none.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MethodRow {
+    /// Scene.
+    pub scene: String,
+    /// Method with its setting, such as `ploc r=100`, `prbvh`, `obvhs best`.
+    pub method: String,
+    /// First µ of a PRBVH run.
+    pub mu: Option<u32>,
+    /// Device that built the tree; `cpu (peer)` for another library.
+    pub device: String,
+    /// Threads that built the tree; 0: as many as the device has.
+    pub threads: u32,
+    /// SAH cost with one triangle per leaf, unitless.
+    pub cost: Option<f64>,
+    /// SAH cost with adaptive leaves, as the paper counts, unitless.
+    pub adaptive_cost: Option<f64>,
+    /// Wall time from triangles to the tree with one triangle per leaf, seconds; median.
+    pub build_s: Option<f64>,
+    /// Of it, time on the device, seconds; the paper's build time. None for what runs on the host alone.
+    pub device_s: Option<f64>,
+    /// Millions of rays per second, with adaptive leaves.
+    pub mrays: Option<RayRates>,
+    /// Box tests per ray, all rays.
+    pub box_tests: Option<f64>,
+    /// Triangle tests per ray, all rays.
+    pub triangle_tests: Option<f64>,
+    /// Most links between root and leaf, one triangle per leaf.
+    pub depth: Option<u32>,
+    /// End-point overlap (Aila, Karras & Laine 2013) of the tree with one triangle per leaf, unitless.
+    pub epo: Option<f64>,
+    /// Most bytes of device buffers while it was built.
+    pub bytes: Option<u64>,
+    /// Iterations of an optimiser.
+    pub iterations: Option<u32>,
+    /// Hash of the tree with one triangle per leaf.
+    pub tree_hash: Option<String>,
+    /// `ok`, or what went wrong in a line.
+    pub status: String,
+    /// Seconds that PRBVH with this row's µ needs, on one thread, to reach the cost of RBVH; and how many times RBVH's time that is less.
+    pub against_rbvh: Option<AgainstRbvh>,
+}
+
+/// Speed over RBVH to the same cost, both on one core.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AgainstRbvh {
+    /// The higher of the two final costs, which both reach.
+    pub cost: f64,
+    /// Seconds until RBVH was there.
+    pub rbvh_s: f64,
+    /// Seconds until PRBVH was there.
+    pub prbvh_s: f64,
+    /// `rbvh_s / prbvh_s`.
+    pub speed_up: f64,
+}
+
+/// Millions of rays per second of the trace kernel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RayRates {
+    /// All rays over all time.
+    pub overall: f64,
+    /// Camera rays.
+    pub primary: f64,
+    /// Shadow rays.
+    pub shadow: f64,
+    /// Rays of later bounces; none were traced: 0.
+    pub secondary: f64,
+}
+
+/// One run of an optimiser; a builder without iterations has one row.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OptimizerRun {
+    /// Method, as in the rows.
+    pub method: String,
+    /// What the run is shown in.
+    pub purpose: Purpose,
+    /// Initial tree.
+    pub initial: String,
+    /// Locking strategy; empty for RBVH and the builders.
+    pub strategy: String,
+    /// First µ; 0 for what has none.
+    pub mu: u32,
+    /// Device.
+    pub device: String,
+    /// Wall time of the initial tree, seconds; a row's time from triangles is this and its `time_s`.
+    pub build_s: f64,
+    /// A row per iteration; row 0 is the initial tree.
+    pub rows: Vec<IterationRow>,
+    /// Device time by kind of work, the initial tree's included.
+    pub phases: Vec<Phase>,
+}
+
+/// The figure that a run was made for; every figure may use the runs of the table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Purpose {
+    /// A row of the table.
+    Table,
+    /// Influence of µ.
+    Mu,
+    /// Aggressive against conservative.
+    Strategy,
+    /// LBVH against ATRBVH and others as the initial tree.
+    Initial,
+}
+
+/// A rendered picture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Picture {
+    /// What it shows, such as `view 1, shaded` or `view 1, tests per pixel, lbvh`.
+    pub title: String,
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// The PNG file.
+    #[serde(skip)]
+    pub png: Vec<u8>,
+}
