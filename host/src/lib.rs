@@ -12,6 +12,7 @@ pub mod pipeline;
 pub mod render;
 pub mod report;
 pub mod scene;
+pub mod stability;
 pub mod trace;
 
 /// Compiles the example of the README.

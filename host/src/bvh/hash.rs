@@ -2,6 +2,7 @@
 
 use super::Bvh;
 use super::layout::Layout;
+use prbvh_kernel::aabb::Aabb;
 
 /// 128 bits of BLAKE3 over the canonical layout (that of the tree file), as 32 hexadecimal digits.
 ///
@@ -21,6 +22,17 @@ pub fn tree_hash(tree: &Bvh) -> String {
         hasher.update(bytes);
     }
     hasher.finalize().to_hex()[..32].to_owned()
+}
+
+/// [`tree_hash`] of the tree without its boxes: links, left and right, and triangle ids alone.
+///
+/// # Panics
+/// If the links are no tree.
+#[must_use]
+pub fn topology_hash(tree: &Bvh) -> String {
+    let mut bare = tree.clone();
+    bare.nodes.iter_mut().for_each(|node| node.aabb = Aabb { min: [0.0; 3], max: [0.0; 3] });
+    tree_hash(&bare)
 }
 
 #[cfg(test)]
@@ -59,6 +71,17 @@ mod tests {
         ];
         assert_eq!(hashes.iter().collect::<HashSet<_>>().len(), hashes.len());
         assert!(hashes.iter().all(|hash| hash.len() == 32 && hash.bytes().all(|c| c.is_ascii_hexdigit())));
+    }
+
+    #[test]
+    fn a_topology_has_no_boxes() {
+        let (_, whole) = tree(30, 6);
+        let hash = topology_hash(&whole);
+        let mut other = whole.clone();
+        other.nodes[7].aabb.min[0] = -1.0;
+        assert_eq!(topology_hash(&other), hash);
+        other.triangle_order.swap(3, 4);
+        assert_ne!(topology_hash(&other), hash);
     }
 
     #[test]

@@ -26,7 +26,7 @@ mod validate;
 
 pub use encode::EncodeError;
 pub use fault::{Link, TreeFault, summary};
-pub use hash::tree_hash;
+pub use hash::{topology_hash, tree_hash};
 pub use quality::{Quality, SahModel, quality};
 pub(crate) use validate::links_and_leaves;
 pub use validate::{TreeStats, validate};

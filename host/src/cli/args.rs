@@ -1,6 +1,7 @@
 //! What the command line can say.
 
 use super::leaves::LeavesArgs;
+use super::stability::StabilityArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use prbvh::build::{DEFAULT_RADIUS, MortonBits};
@@ -35,6 +36,8 @@ pub(super) enum Command {
     Optimize(Box<OptimizeArgs>),
     /// Trace rays through the tree of a scene: a picture, and what its rays cost.
     Render(Box<RenderArgs>),
+    /// Run every method on generated scenes that break numbers, on every device, and say what held.
+    Stability(StabilityArgs),
     /// Read a `tree.bvh` back, validate it and say what it is worth.
     Stats(StatsArgs),
     /// List the devices and the limits that matter.
@@ -299,7 +302,7 @@ fn point(text: &str) -> Result<[f32; 3], String> {
     }
 }
 
-fn threads(text: &str) -> Result<usize, String> {
+pub(super) fn threads(text: &str) -> Result<usize, String> {
     const MOST: usize = 1024;
     match text.parse::<usize>() {
         Ok(threads) if threads <= MOST => Ok(threads),

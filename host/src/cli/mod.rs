@@ -7,6 +7,7 @@ mod leaves;
 mod log;
 mod optimize;
 mod render;
+mod stability;
 mod stats;
 
 use args::{BUILT_IN, Cli, Command, OptimizeArgs};
@@ -24,6 +25,7 @@ pub(crate) fn main() -> ExitCode {
         None => optimize::run(&OptimizeArgs::main_job(), &log),
         Some(Command::Optimize(args)) => optimize::run(&args, &log),
         Some(Command::Render(args)) => render::run(&args, &log),
+        Some(Command::Stability(args)) => stability::run(&args),
         Some(Command::Stats(args)) => stats::run(&args),
         Some(Command::Devices(args)) => devices::run(&args),
     };

@@ -14,6 +14,7 @@ mod stl;
 mod tests;
 
 pub use built_in::DEFAULT_TRIANGLES;
+pub(crate) use built_in::Noise;
 pub use census::Census;
 pub use error::{MAX_TRIANGLES, Place, SceneError};
 pub use range::SafeRange;
@@ -50,13 +51,24 @@ impl Scene {
         let name = name.into();
         let blame = Blame(&name);
         blame.limit(triangles.len() as u64)?;
-        let finite = |t: &Triangle| t.a.iter().chain(&t.b).chain(&t.c).all(|x| x.is_finite());
-        if let Some(index) = triangles.par_iter().position_first(|triangle| !finite(triangle)) {
+        if let Some(index) = triangles.par_iter().position_first(|triangle| !is_finite(triangle)) {
             for corner in [triangles[index].a, triangles[index].b, triangles[index].c] {
                 blame.finite(Place::Element("triangle", index as u64), corner)?;
             }
         }
         Self::screened(name, "library".into(), triangles)
+    }
+
+    /// The same of the triangles whose coordinates are all finite; also returns the numbers of those left out, ascending.
+    ///
+    /// # Errors
+    /// [`SceneError::NoTriangles`] where none is finite, or [`SceneError::TooMany`].
+    pub fn from_finite(name: impl Into<String>, mut triangles: Vec<Triangle>) -> Result<(Self, Vec<u32>), SceneError> {
+        let name = name.into();
+        Blame(&name).limit(triangles.len() as u64)?;
+        let left_out: Vec<u32> = (0..).zip(&triangles).filter(|(_, t)| !is_finite(t)).map(|(index, _)| index).collect();
+        triangles.retain(is_finite);
+        Ok((Self::screened(name, "library".into(), triangles)?, left_out))
     }
 
     /// A scene of triangles that are finite and not too many.
@@ -95,6 +107,10 @@ pub fn built_in(triangles: usize) -> Scene {
     let triangles = built_in::hall(triangles.clamp(1, MAX_TRIANGLES as usize));
     let (census, hash) = rayon::join(|| Census::of(&triangles), || hash(&triangles));
     Scene { name: "hall".into(), source: "built-in".into(), triangles, census, hash }
+}
+
+fn is_finite(t: &Triangle) -> bool {
+    t.a.iter().chain(&t.b).chain(&t.c).all(|x| x.is_finite())
 }
 
 fn hash(triangles: &[Triangle]) -> String {

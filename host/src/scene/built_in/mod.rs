@@ -8,7 +8,7 @@ mod mesh;
 mod noise;
 
 use mesh::{Mesh, Point, add, angle, grid, scaled, turn};
-use noise::Noise;
+pub(crate) use noise::Noise;
 use prbvh_kernel::setup::Triangle;
 
 /// Triangles of the built-in scene unless another number is asked for.

@@ -1,0 +1,51 @@
+//! The methods of the table.
+
+use crate::build::DEFAULT_RADIUS;
+use crate::collapse::CollapseSettings;
+use crate::optimize::PrbvhSettings;
+use crate::pipeline::{Initial, Settings};
+
+/// A way from triangles to a tree.
+#[derive(Clone, Debug)]
+pub struct Method {
+    /// Name, for `--methods`.
+    pub name: &'static str,
+    /// What the pipeline is to do.
+    pub settings: Settings,
+    /// Whether it goes on from its initial tree; else no iteration is made, and none is missed.
+    pub optimizes: bool,
+}
+
+impl Method {
+    fn builder(name: &'static str, initial: Initial) -> Self {
+        let prbvh = PrbvhSettings { max_iterations: 0, ..PrbvhSettings::default() };
+        Self { name, settings: Settings { initial, prbvh, ..Settings::default() }, optimizes: false }
+    }
+
+    fn prbvh(name: &'static str, initial: Initial, mu: u32) -> Self {
+        let prbvh = PrbvhSettings { mu, ..PrbvhSettings::default() };
+        Self { name, settings: Settings { initial, prbvh, ..Settings::default() }, optimizes: true }
+    }
+
+    fn with_adaptive_leaves(mut self) -> Self {
+        self.settings.adaptive = Some(CollapseSettings::default());
+        self
+    }
+}
+
+/// All methods, in the order of the table. A new builder, strategy or optimiser gets its row here and nowhere else.
+#[must_use]
+pub fn methods() -> Vec<Method> {
+    let ploc = || Initial::Ploc { radius: DEFAULT_RADIUS };
+    vec![
+        Method::builder("lbvh", Initial::Lbvh),
+        Method::builder("ploc", ploc()),
+        Method::builder("sah-sweep", Initial::SahSweep),
+        Method::builder("sah-binned", Initial::SahBinned),
+        Method::prbvh("prbvh-9", Initial::Lbvh, 9),
+        Method::prbvh("prbvh-1", Initial::Lbvh, 1),
+        Method::prbvh("ploc+prbvh-9", ploc(), 9),
+        Method::prbvh("ploc+prbvh-1", ploc(), 1),
+        Method::prbvh("prbvh-9+adaptive", Initial::Lbvh, 9).with_adaptive_leaves(),
+    ]
+}
