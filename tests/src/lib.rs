@@ -7,3 +7,4 @@ pub mod fixtures;
 pub mod oracle;
 pub mod rays;
 pub mod scenes;
+pub mod without_threshold;

@@ -68,7 +68,7 @@ pub const CATALOGUE: &[Case] = &[
     case("scale-1e-30", "areas of 1e-60 are 0 in float32", shapes::uniform, 1e-30),
     case("scale-1e-20", "areas of 1e-40 are denormal", shapes::uniform, 1e-20),
     case("scale-1e-10", "small, but harmless", shapes::uniform, 1e-10),
-    case("scale-1", "the plain case", shapes::uniform, 1.0),
+    case("scale-1", "the plain case", shapes::uniform, 1.0).of(1000),
     case("scale-1e10", "large, but harmless", shapes::uniform, 1e10),
     case("scale-1e20", "areas of 1e40 are infinite in float32", shapes::uniform, 1e20),
     case("scale-1e30", "areas of 1e60", shapes::uniform, 1e30),
@@ -88,14 +88,41 @@ pub const CATALOGUE: &[Case] = &[
     case("denormals-beside-1", "half of the scene is below the resolution of the other", shapes::two_scales, 1e40),
     case("flat-1", "no extent along one axis", shapes::flat, 1.0),
     case("flat-2", "no extent along two axes: the root has no area", shapes::flat, 2.0),
-    case("teapot-in-stadium", "all detail in one Morton cell", shapes::teapot_in_stadium, 1e4),
+    case("teapot-in-stadium", "all detail in one Morton cell", shapes::teapot_in_stadium, 1e4).of(1000),
     case("grid", "equal triangles on a lattice: exact ties", shapes::grid, 2.0).exact(),
     case("whole-numbers", "no half area is rounded: axes can change places bit for bit", shapes::whole, 64.0).exact(),
-    case("soup", "everything overlaps", shapes::soup, 0.5),
+    case("soup", "everything overlaps", shapes::soup, 0.5).of(1000),
     case("not-finite", "NaN and infinities among good triangles: refused, or left out and counted", shapes::not_finite, 7.0),
     case("one", "a root that is a leaf", shapes::uniform, 1.0).of(1),
     case("two", "nothing can move", shapes::uniform, 1.0).of(2),
     case("three", "the parent of every input is at the root", shapes::uniform, 1.0).of(3),
-    case("comb", "deeper than 64: breaks short traversal stacks", shapes::comb, 2.0).of(110).with_rays(64),
-    case("comb-duplicates", "equal teeth at the end of a comb", shapes::comb, 4.0).of(200).with_rays(64),
+    case("comb", "the best tree is a chain: deeper than stacks of 64", shapes::comb, 2.0).of(110).with_rays(64),
+    case("comb-morton", "every bit of the Morton codes is a level, then equal codes: an LBVH deeper than 64", shapes::morton_comb, 63.0)
+        .with_rays(64),
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashSet;
+
+    #[test]
+    fn names_are_unique_and_fit_the_command_line() {
+        let names: HashSet<&str> = CATALOGUE.iter().map(|case| case.name).collect();
+        assert_eq!(names.len(), CATALOGUE.len());
+        assert!(names.iter().all(|name| !name.contains([',', ' ']) && !name.is_empty()));
+    }
+
+    #[test]
+    fn cases_have_the_size_they_say_and_are_the_same_again() {
+        for case in CATALOGUE {
+            let triangles = case.triangles(false);
+            assert!(!triangles.is_empty() && triangles.len() <= case.sizes[0], "{}", case.name);
+            assert!(triangles.len() * 10 >= case.sizes[0] * 7, "{}: {}", case.name, triangles.len());
+            let bytes = |triangles: &[Triangle]| bytemuck::cast_slice::<_, u8>(triangles).to_vec();
+            assert_eq!(bytes(&case.triangles(false)), bytes(&triangles), "{}", case.name);
+        }
+        let full = CATALOGUE.iter().find(|case| case.name == "huge-and-tiny-16").unwrap();
+        assert_eq!(full.triangles(true).len(), 1_000_000);
+    }
+}

@@ -18,8 +18,9 @@ pub const F32_COST_BOUND: f64 = (COST_CHUNK - 1 + 5 + 5 + 1) as f64 / (1u32 << 2
 
 /// Largest relative change of an optimised cost after the axes changed places. The initial tree is the same and costs the same, but a
 /// half area is rounded in another way (`dy (dx + dz) + dz dx` is not symmetric), so that a tie may fall to another side and the
-/// search may end in another of many local minima. Measured, not derived; where nothing is rounded the topology must be the same.
-pub const AXES_BOUND: f64 = 0.02;
+/// search may end in another local minimum. The bound is the default of [`PrbvhSettings::epsilon`], a change that counts as none; it is
+/// not derived, as a greedy search may turn one rounding into any cost. Where nothing is rounded the topology must be the same.
+pub const AXES_BOUND: f64 = 1e-4;
 
 /// Part of a cost that sums in f64 may lose.
 const F64_BOUND: f64 = 1e-12;

@@ -197,12 +197,26 @@ pub(super) fn not_finite(n: usize, every: f64) -> Vec<Triangle> {
     triangles
 }
 
-/// Teeth of a comb: tooth `k` is `ratio` times smaller than the one before it and lies in the corner of its box, so that the tree of
-/// least cost is a chain as deep as it has teeth.
+/// Teeth of a comb: tooth `k` is `ratio` times smaller than the one before it and lies in the corner of its box. The tree that takes
+/// off one tooth at a time has the least area, and is as deep as there are teeth.
 pub(super) fn comb(n: usize, ratio: f64) -> Vec<Triangle> {
     let tooth = |k: usize| {
         let size = libm::pow(ratio, -(k as f64));
         triangle([0.0; 3], [size, 0.0, size], [0.0, size, size])
+    };
+    (0..n).map(tooth).collect()
+}
+
+/// Small teeth at 2^-k along each axis in turn, one for every bit of a 60-bit Morton code, and all others at the origin with equal
+/// codes: a tree over codes has a level for each bit and more to tell the equal ones apart.
+pub(super) fn morton_comb(n: usize, bits: f64) -> Vec<Triangle> {
+    let tooth = |k: usize| {
+        let mut at = [0.0; 3];
+        if k < bits as usize {
+            at[k % 3] = libm::exp2(-((k / 3) as f64));
+        }
+        let size = at[k % 3] / 64.0;
+        triangle(at, at.map(|x| x + size), [at[0], at[1] + size, at[2] + size / 2.0])
     };
     (0..n).map(tooth).collect()
 }

@@ -1,0 +1,318 @@
+//! The stability table: green through the command, and red in the right rows where a fault is planted.
+
+use prbvh::build::{DeviceTree, MortonBits, lbvh};
+use prbvh::bvh::{Bvh, Content, SahModel, quality};
+use prbvh::device::Device;
+use prbvh::device::cpu::CpuDevice;
+use prbvh::optimize::{IterationRow, StopReason, prbvh};
+use prbvh::pipeline::{Optimized, Settings};
+use prbvh::scene::{SafeRange, Scene, built_in};
+use prbvh::stability::{self, CATALOGUE, Case, F32_COST_BOUND, Lane, Library, Method, Property, Row, RunError, Subject};
+use prbvh_kernel::cost::COST_CHUNK;
+use prbvh_tests::command::run;
+use prbvh_tests::devices::without_vulkan;
+use prbvh_tests::without_threshold::WithoutThreshold;
+use std::collections::BTreeSet;
+use std::ops::ControlFlow;
+use tempfile::tempdir;
+
+const PRBVH: &str = env!("CARGO_BIN_EXE_prbvh-under-test");
+
+fn command(arguments: &[&str]) -> prbvh_tests::command::Ended {
+    run(PRBVH, tempdir().unwrap().path(), &[&["-q", "stability"], arguments].concat())
+}
+
+fn cases(names: &[&str]) -> Vec<Case> {
+    let cases: Vec<Case> = CATALOGUE.iter().filter(|case| names.contains(&case.name)).copied().collect();
+    assert_eq!(cases.len(), names.len(), "{names:?}");
+    cases
+}
+
+fn methods(names: &[&str]) -> Vec<Method> {
+    let methods: Vec<Method> =
+        stability::methods().into_iter().filter(|method| names.contains(&method.name)).collect();
+    assert_eq!(methods.len(), names.len(), "{names:?}");
+    methods
+}
+
+/// The rows of a subject on CPU lanes of these names.
+fn rows(case_names: &[&str], method_names: &[&str], lanes: &[&str], subject: &dyn Subject) -> Vec<Row> {
+    let lane = |name: &&str| Lane::new(*name, Box::new(CpuDevice::new(2).unwrap()));
+    let mut lanes: Vec<Lane> = lanes.iter().map(lane).collect();
+    let mut seen = 0;
+    let rows = stability::run(&cases(case_names), &methods(method_names), &mut lanes, false, subject, &mut |rows| {
+        seen += rows.len();
+        ControlFlow::Continue(())
+    })
+    .unwrap();
+    assert_eq!(seen, rows.len());
+    rows
+}
+
+/// Which cases break which properties.
+fn red(rows: &[Row]) -> BTreeSet<(&str, String)> {
+    let breaches = rows.iter().flat_map(|row| row.breaches.iter().map(|breach| (&*row.case, breach.property)));
+    breaches.map(|(case, property)| (case, property.to_string())).collect()
+}
+
+fn expected<'a>(pairs: &[(&'a str, &str)]) -> BTreeSet<(&'a str, String)> {
+    pairs.iter().map(|&(case, property)| (case, property.to_owned())).collect()
+}
+
+#[test]
+fn the_whole_table_is_green() {
+    let device = if without_vulkan() { "cpu" } else { "all" };
+    let report = command(&["--device", device, "--json"]).ok().json();
+    let rows: Vec<Row> = serde_json::from_value(report["rows"].clone()).unwrap();
+    let devices: Vec<&str> =
+        report["devices"].as_array().unwrap().iter().map(|device| device[0].as_str().unwrap()).collect();
+    assert_eq!(devices[0], "cpu");
+    assert!(without_vulkan() || devices[1..].contains(&"vulkan:0") && devices.len() > 1, "{devices:?}");
+    let methods = stability::methods();
+    assert_eq!(rows.len(), CATALOGUE.len() * methods.len() * devices.len());
+    assert_eq!((&report["red"], &report["complete"]), (&0.into(), &true.into()));
+
+    for row in &rows {
+        let what = format!("{}, {}, {}", row.case, row.method, row.device);
+        let method = methods.iter().find(|method| method.name == row.method).unwrap();
+        assert!(row.is_green() && row.valid && row.finite, "{what}");
+        assert_eq!(row.same_hash, (row.device != "cpu").then_some(true), "{what}");
+        assert!(row.cost_after.unwrap() <= row.cost_before.unwrap(), "{what}");
+        assert!(row.f32_error.unwrap() <= F32_COST_BOUND && row.depth.is_some(), "{what}");
+        assert_eq!(row.stop, if method.optimizes { "converged" } else { "" }, "{what}");
+        if row.device == "cpu" {
+            assert_eq!(row.repeated, ["one thread", "descending", "shuffled"], "{what}");
+            let searches = method.optimizes && method.settings.adaptive.is_none();
+            assert_eq!((row.moves.is_some(), row.axes_change.is_some()), (searches, searches), "{what}");
+        }
+        assert!(!row.scaled_by.is_empty(), "{what}");
+    }
+    // The cases are what they say.
+    let of = |case: &str| rows.iter().filter(|row| row.case == case).collect::<Vec<_>>();
+    for comb in ["comb", "comb-morton"] {
+        assert!(of(comb).iter().any(|row| row.depth.unwrap() > 64), "{comb}");
+        assert!(of(comb).iter().all(|row| row.rays == 64), "{comb}");
+    }
+    assert!(of("not-finite").iter().all(|row| row.left_out == 43 && row.triangles == 257));
+    assert!(of("scale-1").iter().any(|row| row.moves.is_some_and(|moves| moves > 100)));
+    let falls = |row: &&&Row| row.cost_after.unwrap() < row.cost_before.unwrap();
+    let improved: BTreeSet<&str> = rows.iter().filter(|row| falls(&row)).map(|row| &*row.case).collect();
+    assert!(improved.len() > 20, "{improved:?}");
+}
+
+#[test]
+fn the_table_is_text_and_names_its_rows() {
+    let ended = command(&["--device", "cpu", "--cases", "three,coincident", "--methods", "lbvh,prbvh-1"]).ok();
+    for part in ["coincident", "three", "prbvh-1", "cost before", "f32 error", "4 rows, 0 red"] {
+        assert!(ended.stdout.contains(part), "{part} is not in\n{}", ended.stdout);
+    }
+    assert!(!ended.stdout.contains("prbvh-9") && !ended.stdout.contains("RED"));
+    let list = command(&["--list"]).ok().stdout;
+    assert!(CATALOGUE.iter().all(|case| list.contains(case.name) && list.contains(case.purpose)));
+    assert!(stability::methods().iter().all(|method| list.contains(method.name)));
+    assert!(command(&["--list", "--full"]).ok().stdout.contains("1000000"));
+}
+
+#[test]
+fn unknown_names_are_refused() {
+    command(&["--cases", "scale-1,scale-2"]).refused(&["--cases scale-2", "scale-1e30", "comb"]);
+    command(&["--methods", "sbvh"]).refused(&["--methods sbvh", "sah-sweep", "prbvh-9"]);
+    command(&["--device", "cpu,gpu"]).refused(&["`gpu`", "vulkan:N", "all"]);
+    command(&["--device", "vulkan:77"]).refused(&["vulkan"]);
+}
+
+/// The pipeline on the triangles as they are.
+struct Unscaled;
+
+impl Subject for Unscaled {
+    fn run(&self, scene: &Scene, settings: &Settings, device: &mut dyn Device) -> Result<Optimized, RunError> {
+        let (tree, _) = lbvh(device, &scene.triangles, settings.morton_bits)?;
+        let measured = |tree: &DeviceTree, device: &mut dyn Device| {
+            let nodes = tree.download(device)?;
+            let tree = Bvh::from_device(&nodes).map_err(RunError::InvalidTree)?.with_boxes_of(&scene.triangles);
+            Ok::<_, RunError>((quality(&tree, &SahModel::default()), tree))
+        };
+        let (initial, _) = measured(&tree, device)?;
+        let outcome = prbvh(device, &tree, &settings.prbvh, &mut |_, _, _| ControlFlow::Continue(()))?;
+        let (quality, best) = measured(&tree, device)?;
+        tree.free(device);
+        Ok(Optimized { tree: best, initial, quality, outcome, ..Library.run(scene, settings, device)? })
+    }
+}
+
+#[test]
+fn without_the_safe_range_extreme_scales_are_red() {
+    let cases = ["scale-1e-30", "scale-1e-10", "scale-1", "scale-1e20", "scale-1e30", "denormals", "two"];
+    let rows = rows(&cases, &["lbvh", "prbvh-1"], &["cpu"], &Unscaled);
+    println!("{}", stability::table(&rows));
+    let is_red = |case: &str, property: Property| {
+        let of = rows.iter().filter(|row| row.case == case);
+        of.flat_map(|row| &row.breaches).any(|breach| breach.property == property)
+    };
+    for case in ["scale-1e-30", "scale-1e20", "scale-1e30", "denormals"] {
+        assert!(is_red(case, Property::F32Cost), "{case}");
+    }
+    for case in ["scale-1e20", "scale-1e30"] {
+        assert!(is_red(case, Property::Finite), "{case}");
+    }
+    for case in ["scale-1e-10", "scale-1"] {
+        assert!(!is_red(case, Property::F32Cost) && !is_red(case, Property::Finite), "{case}");
+        // The same scene times the largest and the smallest power of two.
+        assert!(is_red(case, Property::Scale), "{case}");
+    }
+}
+
+#[test]
+fn without_the_threshold_rounding_offers_moves_that_lower_nothing() {
+    let cases = ["scale-1", "offset-1e6", "needles-1e8", "ulp-jitter", "grid", "whole-numbers", "soup"];
+    let device = || Box::new(WithoutThreshold(Box::new(CpuDevice::new(2).unwrap())));
+    let mut lanes = [Lane::new("cpu", device())];
+    let go_on = &mut |_: &[Row]| ControlFlow::Continue(());
+    let methods = methods(&["prbvh-1"]);
+    let rows = stability::run(&self::cases(&cases), &methods, &mut lanes, false, &Library, go_on).unwrap();
+    print!("{}{}", stability::table(&rows), stability::summary(&rows));
+    let moves = |case: &str| red(&rows).contains(&(case, Property::Moves.to_string()));
+    assert!(moves("ulp-jitter"));
+    // Where nothing is rounded nothing needs a threshold.
+    for case in ["grid", "whole-numbers"] {
+        assert!(!moves(case), "{case}");
+    }
+}
+
+/// The library, with a change to what a run gives.
+struct Changed<F: Fn(&mut Optimized, &str)>(F);
+
+impl<F: Fn(&mut Optimized, &str)> Subject for Changed<F> {
+    fn run(&self, scene: &Scene, settings: &Settings, device: &mut dyn Device) -> Result<Optimized, RunError> {
+        let mut result = Library.run(scene, settings, device)?;
+        (self.0)(&mut result, &scene.name);
+        Ok(result)
+    }
+}
+
+const SMALL: [&str; 2] = ["coplanar", "three"];
+
+/// What a change of the runs on `coplanar` turns red.
+fn red_if(change: impl Fn(&mut Optimized)) -> (Vec<Row>, BTreeSet<(String, String)>) {
+    let subject = Changed(|result: &mut Optimized, case: &str| {
+        if case == "coplanar" {
+            change(result);
+        }
+    });
+    let rows = rows(&SMALL, &["prbvh-1"], &["cpu"], &subject);
+    let red = red(&rows).into_iter().map(|(case, property)| (case.to_owned(), property)).collect();
+    (rows, red)
+}
+
+fn only(properties: &[&str]) -> BTreeSet<(String, String)> {
+    properties.iter().map(|property| ("coplanar".to_owned(), (*property).to_owned())).collect()
+}
+
+#[test]
+fn no_fault_no_red() {
+    assert_eq!(red_if(|_| ()).1, only(&[]));
+}
+
+#[test]
+fn a_broken_tree_is_red() {
+    let (rows, red) = red_if(|result| {
+        let Content::Internal { left, right } = &mut result.tree.nodes[0].content else { panic!() };
+        *left = *right;
+    });
+    assert_eq!(red, only(&["valid"]));
+    assert!(!rows[0].valid && rows[1].valid);
+    let (_, red) = red_if(|result| result.tree.nodes[3].aabb.max[0] += 1.0);
+    assert_eq!(red, only(&["valid"]));
+}
+
+#[test]
+fn a_cost_that_is_no_number_is_red() {
+    let (rows, red) = red_if(|result| result.quality.sah_cost = f64::NAN);
+    assert_eq!(red, only(&["finite", "not worse", "f32 cost"]));
+    assert!(!rows[0].finite && rows[1].finite);
+    let (_, red) = red_if(|result| result.outcome.rows[2].cost = f64::NAN);
+    assert_eq!(red, only(&["finite"]));
+}
+
+#[test]
+fn costs_that_rise_or_part_are_red() {
+    let (_, red) = red_if(|result| {
+        let factor = 1.0 + 1e-9;
+        result.quality.sah_cost = result.initial.sah_cost * factor;
+        result.outcome.rows.iter_mut().for_each(|row| row.cost = row.cost.max(result.initial.sah_cost));
+    });
+    assert_eq!(red, only(&["not worse"]));
+    let (_, red) = red_if(|result| result.outcome.rows[0].cost *= 1.0 + 2.0 * F32_COST_BOUND);
+    assert_eq!(red, only(&["f32 cost"]));
+}
+
+#[test]
+fn an_end_by_force_is_red() {
+    for stop in [StopReason::MaxIterations, StopReason::Fault(1), StopReason::MaxTime] {
+        assert_eq!(red_if(|result| result.outcome.stop = stop).1, only(&["ends"]));
+    }
+    assert_eq!(red_if(|result| result.outcome.rows[1].most_steps = 4097).1, only(&["steps"]));
+}
+
+/// Another tree each time it is asked, or on the second lane.
+#[test]
+fn another_tree_is_red() {
+    let count = std::cell::Cell::new(0);
+    let mirror = |result: &mut Optimized| {
+        let Content::Internal { left, right } = &mut result.tree.nodes[0].content else { panic!() };
+        std::mem::swap(left, right);
+    };
+    let (_, red) = red_if(|result| {
+        count.set(count.get() + 1);
+        if count.get() % 2 == 0 {
+            mirror(result);
+        }
+    });
+    assert!(red.contains(&("coplanar".to_owned(), "scale".to_owned())), "{red:?}");
+    assert_eq!(red.iter().filter(|(case, _)| case == "three").count(), 0);
+
+    struct OnOneThread;
+    impl Subject for OnOneThread {
+        fn run(&self, scene: &Scene, settings: &Settings, device: &mut dyn Device) -> Result<Optimized, RunError> {
+            let mut result = Library.run(scene, settings, device)?;
+            if device.info().name == "CPU, 1 thread" && scene.name == "coplanar" {
+                let Content::Internal { left, right } = &mut result.tree.nodes[0].content else { panic!() };
+                std::mem::swap(left, right);
+            }
+            Ok(result)
+        }
+    }
+    let lane = |name: &str, threads| Lane::new(name, Box::new(CpuDevice::new(threads).unwrap()));
+    let go_on = &mut |_: &[Row]| ControlFlow::Continue(());
+    let methods = methods(&["lbvh"]);
+    let mut lanes = [lane("two", 2), lane("one", 1)];
+    let rows = stability::run(&cases(&SMALL), &methods, &mut lanes, false, &OnOneThread, go_on).unwrap();
+    assert_eq!(self::red(&rows), expected(&[("coplanar", "device")]));
+    assert_eq!(rows[1].same_hash, Some(false));
+    let mut lanes = [Lane::cpu(2).unwrap()];
+    let rows = stability::run(&cases(&SMALL), &methods, &mut lanes, false, &OnOneThread, go_on).unwrap();
+    assert_eq!(self::red(&rows), expected(&[("coplanar", "repeats")]));
+}
+
+/// Why partial sums go over fixed chunks and from there in f64: one float32 sum over a scene leaves the bound.
+#[test]
+fn one_float32_sum_is_out_of_the_bound() {
+    let scene = built_in(250_000);
+    let mut device = CpuDevice::new(0).unwrap();
+    let working = SafeRange::of(&scene.triangles).apply(&scene.triangles);
+    let (tree, _) = lbvh(&mut device, &working, MortonBits::Sixty).unwrap();
+    let nodes = tree.download(&mut device).unwrap();
+    let areas: Vec<f32> = nodes[..scene.triangles.len() - 1].iter().map(|node| node.aabb().half_area()).collect();
+    let exact: f64 = areas.iter().copied().map(f64::from).sum();
+    let running: f32 = areas.iter().sum();
+    let chunked: f64 = areas.chunks(COST_CHUNK as usize).map(|chunk| f64::from(chunk.iter().sum::<f32>())).sum();
+    let error = |sum: f64| (sum / exact - 1.0).abs();
+    println!("one f32 sum {:.1e}, chunks {:.1e}", error(f64::from(running)), error(chunked));
+    assert!(error(f64::from(running)) > F32_COST_BOUND);
+    assert!(error(chunked) < 0.1 * F32_COST_BOUND);
+    // A row of the optimiser has the chunked sum.
+    let outcome = prbvh(&mut device, &tree, &Default::default(), &mut |_: &IterationRow, _, _| ControlFlow::Break(()));
+    let decoded = Bvh::from_device(&nodes).unwrap();
+    let referee = quality(&decoded, &SahModel::default()).sah_cost;
+    assert!((outcome.unwrap().rows[0].cost / referee - 1.0).abs() < F32_COST_BOUND);
+}
