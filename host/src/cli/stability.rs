@@ -99,11 +99,20 @@ pub(super) fn run(args: &StabilityArgs) -> anyhow::Result<ExitCode> {
         print(stability::summary(&rows).trim_end());
     }
     anyhow::ensure!(is_whole, "interrupted: {} of {} rows", rows.len(), cases.len() * per_case);
-    Ok(if red == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    Ok(exit_code(red))
+}
+
+fn exit_code(red: usize) -> ExitCode {
+    if red == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
 /// Those of `all` that were named, in their own order; all where none was.
-fn chosen<T>(option: &str, names: &[String], mut all: Vec<T>, name: impl Fn(&T) -> &'static str) -> anyhow::Result<Vec<T>> {
+fn chosen<T>(
+    option: &str,
+    names: &[String],
+    mut all: Vec<T>,
+    name: impl Fn(&T) -> &'static str,
+) -> anyhow::Result<Vec<T>> {
     if let Some(unknown) = names.iter().find(|text| all.iter().all(|one| name(one) != text.as_str())) {
         let known: Vec<&str> = all.iter().map(name).collect();
         anyhow::bail!("{option} {unknown}: there are {}", known.join(", "));
@@ -125,5 +134,27 @@ fn open(args: &StabilityArgs) -> anyhow::Result<Vec<Lane>> {
             let open = |&choice| Lane::open(choice, args.threads, args.validate);
             Ok(choices.iter().map(open).collect::<Result<_, _>>()?)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_red_row_is_a_failure() {
+        assert_eq!(exit_code(0), ExitCode::SUCCESS);
+        assert!([1, 256, 594].iter().all(|&red| exit_code(red) == ExitCode::FAILURE));
+    }
+
+    #[test]
+    fn devices_have_names() {
+        let count = |text| match devices(text) {
+            Ok(Devices::Named(named)) => Some(named.len()),
+            Ok(Devices::All) => None,
+            Err(error) => panic!("{error}"),
+        };
+        assert_eq!((count("all"), count("cpu"), count("cpu,vulkan:1,auto")), (None, Some(1), Some(3)));
+        assert!(devices("").is_err() && devices("cpu,").is_err() && devices("cpu,all").is_err());
     }
 }

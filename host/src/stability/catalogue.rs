@@ -74,7 +74,8 @@ pub const CATALOGUE: &[Case] = &[
     case("scale-1e30", "areas of 1e60", shapes::uniform, 1e30),
     case("offset-1e6", "extents of 16 steps of float32: ties", shapes::offset, 1e6),
     case("offset-1e8", "the whole scene is less than a step of float32", shapes::offset, 1e8),
-    case("huge-and-tiny-8", "8 decades: every tiny triangle in one Morton cell", shapes::huge_and_tiny, 1e8).or_full(1_000_000),
+    case("huge-and-tiny-8", "8 decades: every tiny triangle in one Morton cell", shapes::huge_and_tiny, 1e8)
+        .or_full(1_000_000),
     case("huge-and-tiny-16", "16 decades: areas 32 decades apart", shapes::huge_and_tiny, 1e16).or_full(1_000_000),
     case("chain-2^k", "every level of the tree in another binade, 2^-90 to 2^89", shapes::chain, -90.0).of(180),
     case("needles-1e8", "aspect 1e8, one short edge", shapes::needles, 1e8),
@@ -92,13 +93,23 @@ pub const CATALOGUE: &[Case] = &[
     case("grid", "equal triangles on a lattice: exact ties", shapes::grid, 2.0).exact(),
     case("whole-numbers", "no half area is rounded: axes can change places bit for bit", shapes::whole, 64.0).exact(),
     case("soup", "everything overlaps", shapes::soup, 0.5).of(1000),
-    case("not-finite", "NaN and infinities among good triangles: refused, or left out and counted", shapes::not_finite, 7.0),
+    case(
+        "not-finite",
+        "NaN and infinities among good triangles: refused, or left out and counted",
+        shapes::not_finite,
+        7.0,
+    ),
     case("one", "a root that is a leaf", shapes::uniform, 1.0).of(1),
     case("two", "nothing can move", shapes::uniform, 1.0).of(2),
     case("three", "the parent of every input is at the root", shapes::uniform, 1.0).of(3),
     case("comb", "the best tree is a chain: deeper than stacks of 64", shapes::comb, 2.0).of(110).with_rays(64),
-    case("comb-morton", "every bit of the Morton codes is a level, then equal codes: an LBVH deeper than 64", shapes::morton_comb, 63.0)
-        .with_rays(64),
+    case(
+        "comb-morton",
+        "every bit of the Morton codes is a level, then equal codes: an LBVH deeper than 64",
+        shapes::morton_comb,
+        63.0,
+    )
+    .with_rays(64),
 ];
 
 #[cfg(test)]

@@ -177,7 +177,13 @@ impl Variants<'_> {
         self.axes(row, &initial, prbvh, device)
     }
 
-    fn axes(&self, row: &mut Row, initial: &Bvh, prbvh: &PrbvhSettings, device: &mut dyn Device) -> Result<(), RunError> {
+    fn axes(
+        &self,
+        row: &mut Row,
+        initial: &Bvh,
+        prbvh: &PrbvhSettings,
+        device: &mut dyn Device,
+    ) -> Result<(), RunError> {
         let cost = |tree: &Bvh| quality(tree, &SahModel::default()).sah_cost;
         // Not the row's tree: what goes through the host comes back with its nodes in another order.
         let plain = self.subject.improve(&self.ready.scene, initial, prbvh, device)?;
@@ -231,9 +237,9 @@ impl Variants<'_> {
         let Ready { scene, rays: cast, hits: expected, .. } = self.ready;
         match rays::through(&self.result.tree, &scene.triangles, cast, device) {
             Err(error) => row.breach(Property::Rays, error.to_string()),
-            Ok(hits) => match hits.iter().zip(expected).position(|(a, b)| a != b) {
+            Ok(hits) => match rays::first_difference(&hits, expected) {
                 Some(k) => {
-                    let what = format!("ray {k} hits {:?}, without a tree {:?}", hits[k], expected[k]);
+                    let what = format!("ray {k} hits {:?}, without a tree {:?}", hits.get(k), expected.get(k));
                     row.breach(Property::Rays, what);
                 }
                 None => row.rays = hits.len() as u32,

@@ -6,7 +6,6 @@ use crate::scene::Noise;
 use crate::trace::{NO_TRIANGLE, Query, Ray, TraceError, TraceRange, TraceScene, trace};
 use prbvh_kernel::ray::Prepared;
 use prbvh_kernel::setup::Triangle;
-use std::f32;
 
 /// Rays from around the scene to the middle of triangles, large and small.
 pub(super) fn rays(triangles: &[Triangle], count: usize) -> Vec<Ray> {
@@ -63,4 +62,39 @@ pub(super) fn through(
     let hits = trace(device, &mut scene, rays, Query::Closest);
     scene.free(device);
     Ok(hits?.0.iter().map(|hit| (hit.t, hit.triangle)).collect())
+}
+
+/// The first ray whose hits differ; the number of the shorter list where one ends early.
+pub(super) fn first_difference(hits: &[(f32, u32)], expected: &[(f32, u32)]) -> Option<usize> {
+    let differs = hits.iter().zip(expected).position(|(a, b)| a != b);
+    differs.or((hits.len() != expected.len()).then_some(hits.len().min(expected.len())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::shapes;
+    use super::*;
+    use crate::build;
+    use crate::device::cpu::CpuDevice;
+
+    #[test]
+    fn a_tree_with_a_tooth_in_the_wrong_place_is_found() {
+        for triangles in [shapes::comb(110, 2.0), shapes::morton_comb(300, 63.0)] {
+            let cast = rays(&triangles, 64);
+            let expected = without_tree(&triangles, &cast).unwrap();
+            let hit = expected.iter().filter(|hit| hit.1 != NO_TRIANGLE).count();
+            assert!(hit > 8, "{hit} rays hit something");
+            let tree = Bvh::from_device(&build::sah_binned(&triangles)).unwrap();
+            let mut device = CpuDevice::new(1).unwrap();
+            let hits = through(&tree, &triangles, &cast, &mut device).unwrap();
+            assert_eq!(first_difference(&hits, &expected), None);
+            let mut other = tree;
+            let last = other.triangle_order.len() - 1;
+            other.triangle_order.swap(0, last);
+            let mut moved = triangles.clone();
+            moved.reverse();
+            assert!(first_difference(&through(&other, &moved, &cast, &mut device).unwrap(), &expected).is_some());
+            assert_eq!(first_difference(&hits[..63], &expected), Some(63));
+        }
+    }
 }

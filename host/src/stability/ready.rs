@@ -1,8 +1,8 @@
 //! A case made ready: its scene, and the scenes and rays it is compared with.
 
+use super::Case;
 use super::rays;
 use super::scaling::{AXES, exact_exponents, scaled, turned};
-use super::Case;
 use crate::scene::{Place, Scene, SceneError};
 use crate::trace::{Ray, TraceError};
 use prbvh_kernel::setup::Triangle;

@@ -123,7 +123,8 @@ pub(super) fn duplicates(n: usize, size: f64) -> Vec<Triangle> {
 pub(super) fn ulp_jitter(n: usize, most: f64) -> Vec<Triangle> {
     let mut noise = Noise::new(7);
     let mut jittered = |x: f32| f32::from_bits(x.to_bits() + (most * noise.unit()) as u32);
-    let work = |t: Triangle| Triangle { a: t.a.map(&mut jittered), b: t.b.map(&mut jittered), c: t.c.map(&mut jittered) };
+    let work =
+        |t: Triangle| Triangle { a: t.a.map(&mut jittered), b: t.b.map(&mut jittered), c: t.c.map(&mut jittered) };
     duplicates(n, 1.0).into_iter().map(work).collect()
 }
 
@@ -153,10 +154,7 @@ pub(super) fn teapot_in_stadium(n: usize, ratio: f64) -> Vec<Triangle> {
         let at = |i: usize, j: usize| point(i as f64 / columns as f64, j as f64 / rows as f64);
         let quad = |k: usize| {
             let (i, j) = (k % columns, k / columns);
-            [
-                triangle(at(i, j), at(i + 1, j), at(i + 1, j + 1)),
-                triangle(at(i, j), at(i + 1, j + 1), at(i, j + 1)),
-            ]
+            [triangle(at(i, j), at(i + 1, j), at(i + 1, j + 1)), triangle(at(i, j), at(i + 1, j + 1), at(i, j + 1))]
         };
         (0..columns * rows).flat_map(quad).collect::<Vec<_>>()
     };

@@ -121,8 +121,11 @@ fn the_detail_is_in_one_spot() {
     let detail = triangles.iter().filter(|t| extent(t) < 1.0).count();
     let seats = triangles.iter().filter(|t| extent(t) > 100.0).count();
     assert!(detail > 500 && seats > 100 && detail + seats == triangles.len(), "{detail} {seats}");
-    let cells: std::collections::HashSet<[i64; 3]> =
-        triangles.iter().filter(|t| extent(t) < 1.0).map(|t| t.a.map(|x| (f64::from(x) / 20.0).floor() as i64)).collect();
+    let cells: std::collections::HashSet<[i64; 3]> = triangles
+        .iter()
+        .filter(|t| extent(t) < 1.0)
+        .map(|t| t.a.map(|x| (f64::from(x) / 20.0).floor() as i64))
+        .collect();
     assert!(cells.len() <= 8, "{cells:?}");
 }
 
