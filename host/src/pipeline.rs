@@ -4,7 +4,7 @@ use crate::build::{self, DeviceTree, MortonBits, TreeOfFileError};
 use crate::bvh::{self, Bvh, Quality, SahModel, TreeFault};
 use crate::collapse::{CollapseError, CollapseSettings, collapse};
 use crate::device::{Device, DeviceError, DeviceInfo, Timing};
-use crate::optimize::{IterationRow, Outcome, PrbvhSettings, prbvh};
+use crate::optimize::{IterationRow, Outcome, PrbvhSettings, Strategy, prbvh};
 use crate::scene::{SafeRange, Scene};
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
@@ -55,15 +55,6 @@ impl fmt::Display for Initial {
     }
 }
 
-/// When a reinsertion may run beside others (Meister & Bittner 2018, §4.3).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Strategy {
-    /// Locks the nodes whose links change.
-    #[default]
-    Aggressive,
-}
-
 /// Settings of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Settings {
@@ -71,8 +62,6 @@ pub struct Settings {
     pub initial: Initial,
     /// Length of the Morton codes.
     pub morton_bits: MortonBits,
-    /// Locking strategy.
-    pub strategy: Strategy,
     /// The optimiser.
     pub prbvh: PrbvhSettings,
     /// Adaptive leaves after the optimisation; none: one triangle per leaf.
@@ -243,8 +232,8 @@ pub fn plan(scene: &Scene, device: &DeviceInfo, settings: &Settings) -> Vec<Stri
     if device.atomics_64 {
         lines.push("locks of two 32-bit words and their extra dispatch: the device has 64-bit atomics".to_owned());
     }
-    if settings.strategy == Strategy::Aggressive {
-        lines.push(format!("path bitset of the conservative strategy: {} bytes", 16 * (2 * n - 1)));
+    if settings.prbvh.strategy == Strategy::Aggressive {
+        lines.push(format!("paths of the reinsertions, for the conservative strategy: {} bytes", 4 * (2 * n - 1)));
     }
     if !settings.initial.has_codes() {
         lines.push(format!("Morton codes and their sort: the initial tree is {}", settings.initial));

@@ -13,7 +13,8 @@
 //! | [`ploc`] | `ploc_clusters`, `ploc_nearest`, `ploc_mark`, `scan_*`, `ploc_merge` | order of the references → tree |
 //! | [`refit`] | `refit` | leaf boxes → all boxes |
 //! | [`cost`] | `cost` | boxes → partial sums of half surface areas |
-//! | [`prbvh`] | `prbvh_search`, `prbvh_lock`, `prbvh_check`, `prbvh_reinsert` | tree → better tree |
+//! | [`prbvh`] | `prbvh_search`, `prbvh_lock`, `prbvh_check`, `prbvh_decrease`, `prbvh_reinsert` | tree → better tree |
+//! | [`prbvh::conservative`] | `prbvh_search_top`, `conservative_lock`, `conservative_check` | the same, slower and steadier |
 //! | [`snapshot`] | `snapshot_save`, `snapshot_restore` | links ↔ best links |
 //! | [`mod@collapse`] | `collapse_sizes`, `collapse_places`, `collapse_jump`, `collapse_emit` | tree → tree with adaptive leaves |
 //! | [`trace`] | `trace_32`, `trace_64`, `trace_128`, `trace_deep`, `trace_count` | tree, rays → hits |
@@ -29,6 +30,7 @@ pub mod aabb;
 pub mod collapse;
 pub mod cost;
 pub mod entries;
+mod entry;
 pub mod grid;
 pub mod lbvh;
 pub mod math;

@@ -5,8 +5,8 @@ use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use prbvh::build::{DEFAULT_RADIUS, MortonBits};
 use prbvh::device::DeviceChoice;
-use prbvh::optimize::{Epsilon, PrbvhSettings};
-use prbvh::pipeline::{Initial, Settings, Strategy};
+use prbvh::optimize::{Epsilon, PrbvhSettings, Strategy};
+use prbvh::pipeline::{Initial, Settings};
 use prbvh::render::RenderSettings;
 use std::ffi::OsString;
 use std::num::NonZeroU32;
@@ -125,10 +125,11 @@ impl OptimizeArgs {
                 MortonBitsArg::Thirty => MortonBits::Thirty,
                 MortonBitsArg::Sixty => MortonBits::Sixty,
             },
-            strategy: match self.strategy {
-                StrategyArg::Aggressive => Strategy::Aggressive,
-            },
             prbvh: PrbvhSettings {
+                strategy: match self.strategy {
+                    StrategyArg::Aggressive => Strategy::Aggressive,
+                    StrategyArg::Conservative => Strategy::Conservative,
+                },
                 mu: self.mu,
                 epsilon,
                 max_iterations: self.max_iterations,
@@ -150,8 +151,11 @@ impl OptimizeArgs {
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
 pub(super) enum StrategyArg {
+    /// If their links do not overlap.
     #[default]
     Aggressive,
+    /// If their boxes do not overlap either: the cost never rises.
+    Conservative,
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]

@@ -1,9 +1,11 @@
 //! The optimiser: PRBVH iterations until nothing is gained, the best tree kept.
 
+mod moves;
 mod prbvh;
 mod row;
 mod schedule;
 
+pub use moves::Strategy;
 pub use prbvh::{Outcome, prbvh};
 pub use schedule::{Epsilon, PrbvhSettings, StopReason};
 
