@@ -40,8 +40,8 @@ pub struct Footprint {
     pub topology: BTreeSet<u32>,
     /// The first of `up` above the parent that keeps its box.
     pub shrunk_to: Option<u32>,
-    /// The first of `down` that keeps its box.
-    pub grown_to: Option<u32>,
+    /// The first of `down` that keeps its box, or the pivot.
+    pub grown_to: u32,
     /// Nodes that no compatible reinsertion may use.
     pub written: BTreeSet<u32>,
     /// Other nodes that no compatible reinsertion may write.
@@ -69,12 +69,12 @@ impl Footprint {
         };
         let keeps_box = |v: &u32| tree.boxes[*v as usize] == alone.boxes[*v as usize];
         let shrunk_to = up.iter().copied().skip(1).find(keeps_box);
-        let grown_to = down.iter().copied().find(keeps_box);
+        let grown_to = down.iter().copied().find(keeps_box).unwrap_or(pivot);
         let topology: BTreeSet<u32> = topology(tree, input, output).into_iter().collect();
         let mut written: BTreeSet<u32> = (0..tree.children.len() as u32).filter(|&v| changes(v)).collect();
         assert!(written.iter().all(|v| topology.contains(v) || up.contains(v) || down.contains(v)));
         written.extend(topology.iter().copied().chain(shrunk_to));
-        let read = [pivot, top].into_iter().chain(grown_to).filter(|v| !written.contains(v)).collect();
+        let read = [top, grown_to].into_iter().filter(|v| !written.contains(v)).collect();
         Self { input, output, pivot, top, up, down, alone, topology, shrunk_to, grown_to, written, read }
     }
 

@@ -11,7 +11,8 @@
 //!
 //! - **written** nodes: the [`TopologyNodes`]; the nodes below `X` above the input that shrink, and the first that does not; the
 //!   nodes below `X` above the output that grow;
-//! - **read** nodes: `X`; its child on the output's side (the *top*); the first node above the output that does not grow.
+//! - **read** nodes: the child of `X` on the output's side (the *top*), and the first node above the output that has room for the input
+//!   (the *stop*), which may be `X`.
 //!
 //! Two reinsertions are compatible if neither writes a node that the other writes or reads.
 //!
@@ -20,15 +21,18 @@
 //! old box if none writes it. A reinsertion writes every node whose box it changes. So each change of an area is part of exactly one
 //! decrease, and the sum of the areas falls by the sum of the decreases.
 //!
-//! By induction from the leaves of the new tree. If a reinsertion `b` changes the box of a node `c` that had the parent `v`, then either `b`
-//! writes `v`, or `v` is its pivot or the first node with room for its input, which it reads. Let `v` be an internal node.
+//! If a reinsertion `b` changes the box of a node with the old parent `v` and does not write `v`, then `v` is its stop and the node
+//! grows, or `v` is its pivot and the node, which is not its top, shrinks. From this the claim follows by induction from the leaves of
+//! the new tree. Let `v` be an internal node.
 //!
-//! 1. *`a` writes `v`.* Its children are those under `a` alone, as only writers change links. If another `b` changed one of them, then `v` was
-//!    its parent before (`a` writes what it hangs elsewhere), so that `b` writes or reads `v`: a conflict. All is as under `a` alone.
+//! 1. *`a` writes `v`.* Let another `b` change the box of a child `c`. Then `v` was the parent of `c` before, as `a` writes what it hangs elsewhere.
+//!    Without a conflict `b` neither writes nor reads `v`. So `v` is its pivot, `c` shrinks, its stop is further down, and its top keeps its
+//!    box. Now `a` writes neither `c` nor the top. A node that it writes, but no child of which, is its input, its output or the like: it
+//!    leaves box and children of `v` as they are, and so does `b`. Without such a `b` all is as under `a` alone.
 //! 2. *Nobody writes `v`.* It has its old children. Let `a` change one of them, `c`, and let `e` be the other.
 //!    - `c` shrinks: `v` is the pivot of `a` and `e` its top, which nobody else writes. All is as under `a` alone, and
 //!      the leaves below `v` stay the same.
-//!    - `c` grows: the input of `a` lies inside `v`, so `c` sticks out nowhere. The same holds of `e` if it grows. If `b` shrinks `e`, then `v` is
+//!    - `c` grows: `v` has room for the input of `a`, so `c` sticks out nowhere. The same holds of `e` if it grows. If `b` shrinks `e`, then `v` is
 //!      the pivot of `b` and `c` its top: a conflict, unless `b` is `a`, and then all is as under `a` alone.
 //!
 //!    Either way `v` keeps its box.
@@ -85,7 +89,6 @@ impl Footprint {
         let Self { internal, input, output, top } = self;
         let pivot = nodes.parent(top);
         let mut all = TopologyNodes::of(nodes, internal, input, output).all(|v| holds(v as u32, true));
-        all &= holds(pivot, false);
         all &= holds(top, false);
 
         let mut without = Aabb::EMPTY;
@@ -103,8 +106,8 @@ impl Footprint {
         let input_box = nodes[input as usize].aabb();
         let mut grows = true;
         let mut w = nodes.parent(output);
-        while grows && w != pivot {
-            grows = !nodes[w as usize].aabb().contains(input_box);
+        while grows {
+            grows = w != pivot && !nodes[w as usize].aabb().contains(input_box);
             all &= holds(w, grows);
             w = nodes.parent(w);
         }
