@@ -204,7 +204,7 @@ fn bad_arguments_are_named() {
         (&["--initial", "magic"], &["--initial", "magic", "lbvh"]),
         (&["--initial", "ploc", "--radius", "-1"], &["--radius", "-1"]),
         (&["--initial", "sah-sweep", "--radius", "5"], &["--radius", "sah-sweep"]),
-        (&["--strategy", "shy"], &["--strategy", "shy", "aggressive"]),
+        (&["--strategy", "shy"], &["--strategy", "shy", "aggressive", "conservative"]),
         (&["--morton-bits", "31"], &["--morton-bits", "31", "60"]),
         (&["one.obj", "--triangles", "5"], &["--triangles", "one.obj"]),
         (&["one.obj", "two.obj"], &["two.obj"]),
