@@ -42,3 +42,13 @@ pub fn soup(count: usize, size: f32, seed: u64) -> Vec<Triangle> {
         })
         .collect()
 }
+
+/// Equal right triangles side by side in a square of `side` rows: exact ties everywhere.
+#[must_use]
+pub fn grid(side: u16) -> Vec<Triangle> {
+    let cell = |k: u16| {
+        let [x, y] = [f32::from(k % side), f32::from(k / side)];
+        Triangle { a: [x, y, 0.0], b: [x + 1.0, y, 0.0], c: [x, y + 1.0, 0.0] }
+    };
+    (0..side * side).map(cell).collect()
+}

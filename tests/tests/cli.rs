@@ -69,6 +69,32 @@ fn json_is_one_object_and_the_hash_is_the_same_on_every_device() {
 }
 
 #[test]
+fn the_conservative_strategy_falls_as_it_says() {
+    let folder = tempdir().unwrap();
+    let run = |device: &str, strategy: &str| {
+        optimize(folder.path(), &["--device", device, "--strategy", strategy, "--json"]).ok().json()
+    };
+    let report = run("cpu", "conservative");
+    assert_eq!(report["settings"]["strategy"], "conservative");
+    let paths =
+        |report: &Value| report["plan"].as_array().unwrap().iter().any(|line| line.as_str().unwrap().contains("paths"));
+    let aggressive = run("cpu", "aggressive");
+    assert!(paths(&aggressive) && !paths(&report), "what the strategy leaves out");
+    assert_ne!(aggressive["tree_hash"], report["tree_hash"]);
+    let rows = report["rows"].as_array().unwrap();
+    let number = |row: &Value, key: &str| row[key].as_f64().unwrap();
+    assert!(rows.len() > 10);
+    for pair in rows.windows(2) {
+        let falls = number(&pair[0], "cost") - number(&pair[1], "cost");
+        let said = number(&pair[1], "predicted_decrease");
+        assert!((falls - said).abs() < 1e-6 * number(&pair[0], "cost"), "{falls}, not {said}");
+    }
+    if !without_vulkan() {
+        assert_eq!(run("vulkan", "conservative")["tree_hash"], report["tree_hash"]);
+    }
+}
+
+#[test]
 fn the_outputs_say_the_same() {
     let folder = tempdir().unwrap();
     let ran = optimize(folder.path(), &["--device", "cpu", "--out", "a/b", "--json"]).ok();

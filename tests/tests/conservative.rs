@@ -9,7 +9,7 @@ use prbvh_kernel::prbvh::{PrbvhParams, Reinsertion, lock_key};
 use prbvh_kernel::setup::Triangle;
 use prbvh_kernel::status::{APPLIED, FAULTS, FOUND, OWNED, REPORT_WORDS};
 use prbvh_tests::compare::Case;
-use prbvh_tests::fixtures::soup;
+use prbvh_tests::fixtures::{grid, soup};
 use prbvh_tests::footprint::{Footprint, additivity_fault, sum_fault};
 use prbvh_tests::oracle::{NaiveTree, random_tree};
 use proptest::prelude::*;
@@ -159,15 +159,6 @@ fn iterate(mut tree: NaiveTree, mu: u32, iterations: u32) -> NaiveTree {
     tree
 }
 
-/// Boxes of a grid of equal triangles: exact ties everywhere.
-fn grid(side: u8) -> Vec<Triangle> {
-    let cell = |k: u8| {
-        let [x, y] = [f32::from(k % side), f32::from(k / side)];
-        Triangle { a: [x, y, 0.0], b: [x + 1.0, y, 0.0], c: [x, y + 1.0, 0.0] }
-    };
-    (0..side * side).map(cell).collect()
-}
-
 #[test]
 fn iterations_take_off_what_each_move_takes_off_alone() {
     for (n, mu) in [(1, 1), (2, 1), (3, 1), (4, 1), (40, 1), (40, 3), (300, 9), (300, 1)] {
@@ -227,7 +218,7 @@ fn aggressive(moves: &[Move]) -> Vec<Footprint> {
     moves.iter().filter(stays).map(|each| each.footprint.clone()).collect()
 }
 
-/// Those that the check of the authors' code would keep: paths are locked with flags, and a loser is compared with the holder alone.
+/// Those that a check like that of the authors' code would keep: paths are locked with flags, and a loser is compared with the holder alone.
 fn published(moves: &[Move]) -> Vec<Footprint> {
     const TOPOLOGY: u8 = 4;
     const UP: u8 = 2;
@@ -298,7 +289,8 @@ fn the_oracle_goes_red_for_weaker_rules() {
     assert!(finds_a_fault(aggressive).is_some(), "aggressive");
     assert!(finds_a_fault(published).is_some(), "published");
     // No part of a footprint can be spared.
-    let spared: [(&str, fn(&Footprint) -> Option<u32>); 3] = [
+    type Spared = fn(&Footprint) -> Option<u32>;
+    let spared: [(&str, Spared); 3] = [
         ("top", |a| Some(a.top)),
         ("first above the input that keeps its box", |a| a.shrunk_to),
         ("stop", |a| Some(a.grown_to)),

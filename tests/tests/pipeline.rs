@@ -8,7 +8,7 @@ use prbvh::pipeline::{Settings, optimize};
 use prbvh::scene::{SafeRange, Scene, built_in};
 use prbvh_kernel::setup::Triangle;
 use prbvh_tests::devices::devices;
-use prbvh_tests::fixtures::soup;
+use prbvh_tests::fixtures::{grid, soup};
 use std::ops::ControlFlow;
 
 /// What is wrong with the claim of the conservative strategy: the cost never rises, and falls by what was predicted.
@@ -36,10 +36,10 @@ fn trace(device: &mut dyn Device, scene: &Scene, bits: MortonBits, settings: &Pr
         assert_eq!(predicted_decrease > 0.0, applied > 0, "{row:?}");
         let measured = quality(&tree, &Default::default()).sah_cost;
         assert!((cost / measured - 1.0).abs() < 1e-5, "device says {cost}, f64 says {measured}");
-        if let (Strategy::Conservative, Some(before)) = (settings.strategy, costs.last()) {
-            if let Some(fault) = prediction_fault(*before, measured, predicted_decrease) {
-                panic!("{} at iteration {iteration}: {fault}", scene.name);
-            }
+        if let (Strategy::Conservative, Some(before)) = (settings.strategy, costs.last())
+            && let Some(fault) = prediction_fault(*before, measured, predicted_decrease)
+        {
+            panic!("{} at iteration {iteration}: {fault}", scene.name);
         }
         costs.push(measured);
         let hash = tree_hash(&tree);
@@ -98,15 +98,6 @@ fn tiny_scenes_are_the_same_everywhere() {
             same_everywhere(&scene, MortonBits::Sixty, &PrbvhSettings { strategy, ..PrbvhSettings::default() });
         }
     }
-}
-
-/// Unit right triangles side by side in a square: exact ties everywhere.
-fn grid(side: u16) -> Vec<Triangle> {
-    let cell = |k: u16| {
-        let [x, y] = [f32::from(k % side), f32::from(k / side)];
-        Triangle { a: [x, y, 0.0], b: [x + 1.0, y, 0.0], c: [x, y + 1.0, 0.0] }
-    };
-    (0..side * side).map(cell).collect()
 }
 
 #[test]

@@ -355,6 +355,14 @@ mod tests {
     }
 
     #[test]
+    fn a_strategy_has_a_name() {
+        let strategy = |arguments: &str| settings(arguments).map(|settings| settings.prbvh.strategy);
+        assert_eq!(strategy(""), Ok(Strategy::Aggressive));
+        assert_eq!(strategy("--strategy aggressive"), Ok(Strategy::Aggressive));
+        assert_eq!(strategy("--strategy conservative"), Ok(Strategy::Conservative));
+    }
+
+    #[test]
     fn the_help_names_the_default_radius() {
         use clap::CommandFactory;
         let mut command = Cli::command();
