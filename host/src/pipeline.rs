@@ -300,6 +300,7 @@ mod tests {
     #[test]
     fn a_method_that_is_left_out_says_so() {
         let initial = Initial::Atrbvh { treelet: TreeletSize::default() };
+        assert_eq!(initial.to_string(), "atrbvh");
         match initial.check() {
             Ok(()) => assert!(cfg!(feature = "atrbvh")),
             Err(error) => {

@@ -60,7 +60,7 @@ fn naive_levels(tree: &NaiveTree, gamma: usize) -> Vec<u32> {
     levels
 }
 
-/// The text of the paper on one treelet: every pair of clusters is looked at before each join.
+/// One treelet by definition: every pair of clusters is looked at before each join.
 fn naive_treelet(tree: &mut NaiveTree, root: u32, leaves: usize) -> bool {
     let mut slots = tree.children[root as usize].clone();
     let mut opened = Vec::new();

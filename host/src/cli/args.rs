@@ -343,13 +343,17 @@ mod tests {
         assert_eq!(initial("--initial lbvh"), Ok(Initial::Lbvh));
         assert_eq!(initial("--initial ploc"), ploc(DEFAULT_RADIUS.get()));
         assert_eq!(initial("--initial ploc --radius 10000"), ploc(10_000));
-        let atrbvh = |leaves| Ok(Initial::Atrbvh { treelet: TreeletSize::new(leaves).unwrap() });
+        // A program without the method refuses it here.
+        let atrbvh = |leaves| {
+            let initial = Initial::Atrbvh { treelet: TreeletSize::new(leaves).unwrap() };
+            initial.check().map(|()| initial).map_err(|error| error.to_string())
+        };
         assert_eq!(initial("--initial atrbvh"), atrbvh(20));
         assert_eq!(initial("--initial atrbvh --treelet 32"), atrbvh(32));
         assert_eq!(initial("--initial sah-sweep"), Ok(Initial::SahSweep));
         assert_eq!(initial("--initial sah-binned"), Ok(Initial::SahBinned));
         assert_eq!(initial("--initial out/tree.BVH"), Ok(Initial::File("out/tree.BVH".into())));
-        for name in ["lbvh", "ploc", "atrbvh", "sah-sweep", "sah-binned", "a.bvh"] {
+        for name in ["lbvh", "ploc", "sah-sweep", "sah-binned", "a.bvh"] {
             let arguments = format!("--initial {name}");
             assert_eq!(initial(&arguments).unwrap().to_string(), name);
         }

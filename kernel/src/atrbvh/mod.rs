@@ -1,6 +1,6 @@
 //! ATRBVH: treelets of a tree are built anew by agglomerative clustering, from the leaves up.
 //!
-//! Source: Domingues & Pedrini 2015, §3; treelets are those of Karras & Aila 2013, §3. In a pass with the bound γ every internal node with at
+//! Source: Domingues & Pedrini 2015; treelets are those of Karras & Aila 2013. In a pass with the bound γ every internal node with at
 //! least γ references below is the root of a treelet, and is processed after all treelet roots below it.
 //!
 //! | kernel | kind | in → out |

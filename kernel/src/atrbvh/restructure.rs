@@ -1,10 +1,10 @@
 //! One treelet: its leaves are found, joined anew, and the result is kept where it is cheaper.
 //!
-//! Source: Domingues & Pedrini 2015, §3.2 and §3.3; the choice of the leaves is that of Karras & Aila 2013, §3.1. Kind: scatter: an
+//! Source: Domingues & Pedrini 2015; the choice of the leaves is that of Karras & Aila 2013. Kind: scatter: an
 //! invocation reads and writes nodes of its treelet only (see [`super`]).
 //!
 //! The cost of a treelet is the sum of its internal nodes' areas: its leaves and its root are the same before and after. What differs from the
-//! published algorithm: the nearest lower neighbour of each cluster is kept instead of a matrix of all distances (64 words instead of 496, the
+//! published code: the nearest lower neighbour of each cluster is kept instead of a matrix of all distances (64 words instead of 496, the
 //! same pairs), and a treelet is only replaced where the sums differ by more than their rounding.
 
 use super::MAX_TREELET;
@@ -17,8 +17,9 @@ use bytemuck::{Pod, Zeroable};
 /// A sum of areas must fall by this part of it. Two sums of 30 areas are each off by no more than 36 roundings of 2^-24.
 pub const RELATIVE_THRESHOLD: f32 = 1.0 / (1 << 17) as f32;
 
-/// Most rounds of all loops of one invocation: opening, nearest neighbours (a new search in every slot after every join), joining, writing.
-const MOST_ROUNDS: u32 = MAX_TREELET * MAX_TREELET * (MAX_TREELET / 2 + 4);
+/// Most rounds of all loops of one invocation: after each join a search in every slot, and less than four times the slots for all else. Invocations
+/// that run in lockstep share the count, so that no loop is taken for shorter than the longest.
+const MOST_ROUNDS: u32 = MAX_TREELET * MAX_TREELET * (MAX_TREELET + 4);
 // lavapipe leaves a loop after 65,535 rounds in all, without a word.
 const _: () = assert!(MOST_ROUNDS < 65_535);
 
