@@ -2,14 +2,15 @@
 
 use prbvh::build::{DeviceTree, MortonBits, Pass, TreeletSize, atrbvh, lbvh, ploc, restructure, sah_sweep};
 use prbvh::bvh::{Bvh, quality, tree_hash, validate};
-use prbvh::device::{Device, DeviceError};
+use prbvh::device::cpu::CpuDevice;
+use prbvh::device::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
 use prbvh::scene::{built_in, load};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::atrbvh::{LevelsParams, RELATIVE_THRESHOLD, RestructureParams};
 use prbvh_kernel::node::{Node, RIGHT};
 use prbvh_kernel::setup::Triangle;
-use prbvh_kernel::status::{APPLIED, FAULTS, REPORT_WORDS};
+use prbvh_kernel::status::{APPLIED, FAULT_TREELET, FAULTS, REPORT_WORDS};
 use prbvh_tests::compare::Case;
 use prbvh_tests::devices::with_devices;
 use prbvh_tests::fixtures::{Random, inputs, nested, soup, working};
@@ -139,13 +140,15 @@ fn cost(nodes: &[Node], triangles: &[Triangle], what: &str) -> f64 {
     quality(&valid(nodes, triangles, what), &Default::default()).sah_cost
 }
 
-/// Restructures a copy of `nodes`: the result, its passes, and the SAH cost before and after each.
-fn run(
-    device: &mut dyn Device,
-    nodes: &[Node],
-    triangles: &[Triangle],
-    leaves: u32,
-) -> Result<(Vec<Node>, Vec<Pass>, Vec<f64>), DeviceError> {
+struct Run {
+    nodes: Vec<Node>,
+    passes: Vec<Pass>,
+    /// SAH cost before the first pass and after each.
+    costs: Vec<f64>,
+}
+
+/// Restructures a copy of `nodes`.
+fn run(device: &mut dyn Device, nodes: &[Node], triangles: &[Triangle], leaves: u32) -> Result<Run, DeviceError> {
     let tree = DeviceTree::upload(device, nodes)?;
     let mut costs = vec![cost(nodes, triangles, "before")];
     let result = restructure(device, &tree, treelet(leaves), &mut |_, device| {
@@ -153,7 +156,7 @@ fn run(
     });
     let nodes = tree.download(device)?;
     tree.free(device);
-    result.map(|result| (nodes, result.passes, costs))
+    result.map(|result| Run { nodes, passes: result.passes, costs })
 }
 
 /// Whether each pass lowered the cost if, and only if, it replaced a treelet.
@@ -172,7 +175,7 @@ fn check(nodes: &[Node], triangles: &[Triangle], leaves: u32, what: &str) -> Vec
     with_devices(|devices| {
         for (name, device) in devices {
             let before = device.memory().bytes;
-            let (result, passes, costs) = run(&mut **device, nodes, triangles, leaves).unwrap();
+            let Run { nodes: result, passes, costs } = run(&mut **device, nodes, triangles, leaves).unwrap();
             assert_eq!(device.memory().bytes, before, "{what}, {name}: all buffers are given back");
             assert_eq!(passes, expected, "{what}, {name}");
             let has_area = naive.boxes[0].half_area() > 0.0;
@@ -202,9 +205,9 @@ fn levels_are_those_of_the_definition() {
             assert!(result.get::<u32>("sizes").iter().zip(&sizes).all(|(&have, &need)| have as usize == need));
             let counts = result.get::<u32>("counts");
             assert_eq!(counts[0], expected[0]);
-            for level in 1..n {
-                let have = expected.iter().filter(|&&of| of as usize == level).count();
-                assert_eq!(counts[level] as usize, have, "{n}, {gamma}, level {level}");
+            for (level, &count) in (0..).zip(&counts).skip(1) {
+                let have = expected.iter().filter(|&&of| of == level).count();
+                assert_eq!(count as usize, have, "{n}, {gamma}, level {level}");
             }
         }
     }
@@ -362,6 +365,46 @@ fn links_that_are_no_tree_are_refused() {
             assert!(error.to_string().contains("not every leaf reached the root"), "{name}: {error}");
         }
     });
+}
+
+/// A device that says it ended the work on a treelet early.
+struct Hasty(CpuDevice);
+
+impl Device for Hasty {
+    fn info(&self) -> &DeviceInfo {
+        self.0.info()
+    }
+    fn allocate(&mut self, label: &'static str, length: usize, element_bytes: usize) -> Result<Buffer, DeviceError> {
+        self.0.allocate(label, length, element_bytes)
+    }
+    fn free(&mut self, buffer: Buffer) {
+        self.0.free(buffer);
+    }
+    fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
+        self.0.upload(buffer, bytes)
+    }
+    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
+        self.0.download(buffer, bytes)?;
+        if buffer.label == "report" {
+            bytes[4 * FAULTS..][..4].copy_from_slice(&FAULT_TREELET.to_ne_bytes());
+        }
+        Ok(())
+    }
+    fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
+        self.0.run(recording)
+    }
+    fn memory(&self) -> MemoryUse {
+        self.0.memory()
+    }
+}
+
+#[test]
+fn a_treelet_that_was_not_finished_is_an_error() {
+    let triangles = working(&soup(100, 0.1, 1));
+    let mut device = Hasty(CpuDevice::new(1).unwrap());
+    let error = atrbvh(&mut device, &triangles, MortonBits::Sixty, treelet(20)).unwrap_err();
+    assert!(error.to_string().contains("before it was done"), "{error}");
+    assert_eq!(device.memory().bytes, 0, "all buffers are given back");
 }
 
 /// Costs of LBVH and of ATRBVH on it, the same on the parallel CPU and every GPU.
