@@ -379,10 +379,12 @@ mod tests {
     }
 
     #[test]
-    fn the_help_names_the_default_radius() {
+    fn the_help_names_the_defaults_of_the_builders() {
         use clap::CommandFactory;
         let mut command = Cli::command();
         let help = command.find_subcommand_mut("optimize").unwrap().render_long_help().to_string();
-        assert!(help.contains(&format!("[default: {DEFAULT_RADIUS}]")), "{help}");
+        for default in [DEFAULT_RADIUS.get(), TreeletSize::default().get()] {
+            assert!(help.contains(&format!("[default: {default}]")), "{help}");
+        }
     }
 }
