@@ -1,6 +1,6 @@
 //! From a scene to its best tree: safe range, initial tree, PRBVH, adaptive leaves, original boxes, validation.
 
-use crate::build::{self, DeviceTree, MortonBits, TreeOfFileError};
+use crate::build::{self, DeviceTree, MortonBits, TreeOfFileError, TreeletSize};
 use crate::bvh::{self, Bvh, Quality, SahModel, TreeFault};
 use crate::collapse::{CollapseError, CollapseSettings, collapse};
 use crate::device::{Device, DeviceError, DeviceInfo, Timing};
@@ -27,6 +27,11 @@ pub enum Initial {
         /// Places in the Morton order that a cluster looks to either side for its nearest neighbour.
         radius: NonZeroU32,
     },
+    /// ATRBVH (Domingues & Pedrini 2015), on the device; only with the cargo feature `atrbvh`.
+    Atrbvh {
+        /// Leaves of a treelet.
+        treelet: TreeletSize,
+    },
     /// Full-sweep SAH, on the CPU.
     SahSweep,
     /// Binned SAH (Wald 2007), on the CPU.
@@ -38,16 +43,38 @@ pub enum Initial {
 impl Initial {
     /// Whether it is built from Morton codes.
     fn has_codes(&self) -> bool {
-        matches!(self, Self::Lbvh | Self::Ploc { .. })
+        matches!(self, Self::Lbvh | Self::Ploc { .. } | Self::Atrbvh { .. })
+    }
+
+    /// Whether this program has the builder.
+    ///
+    /// # Errors
+    /// If a cargo feature left it out.
+    pub fn check(&self) -> Result<(), FeatureOff> {
+        match self {
+            Self::Atrbvh { .. } if !cfg!(feature = "atrbvh") => Err(FeatureOff { method: "atrbvh", feature: "atrbvh" }),
+            _ => Ok(()),
+        }
     }
 }
 
-/// As on the command line: `lbvh`, `ploc`, `sah-sweep`, `sah-binned`, or the path of the file.
+/// A method that this program was built without.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{method} is not in this program: it was built without the cargo feature `{feature}`")]
+pub struct FeatureOff {
+    /// The method.
+    pub method: &'static str,
+    /// The cargo feature that has it.
+    pub feature: &'static str,
+}
+
+/// As on the command line: `lbvh`, `ploc`, `atrbvh`, `sah-sweep`, `sah-binned`, or the path of the file.
 impl fmt::Display for Initial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Lbvh => f.write_str("lbvh"),
             Self::Ploc { .. } => f.write_str("ploc"),
+            Self::Atrbvh { .. } => f.write_str("atrbvh"),
             Self::SahSweep => f.write_str("sah-sweep"),
             Self::SahBinned => f.write_str("sah-binned"),
             Self::File(path) => path.display().fmt(f),
@@ -95,6 +122,9 @@ pub struct Optimized {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PipelineError {
+    /// The program was built without a method.
+    #[error(transparent)]
+    FeatureOff(#[from] FeatureOff),
     /// The device refused or failed.
     #[error(transparent)]
     Device(#[from] DeviceError),
@@ -120,13 +150,14 @@ pub enum PipelineError {
 /// then the best tree so far is returned.
 ///
 /// # Errors
-/// If the scene does not fit the device, the device fails, or a tree is invalid.
+/// If the program lacks a method, the scene does not fit the device, the device fails, or a tree is invalid.
 pub fn optimize(
     scene: &Scene,
     device: &mut dyn Device,
     settings: &Settings,
     observe: &mut dyn FnMut(&IterationRow) -> ControlFlow<()>,
 ) -> Result<Optimized, PipelineError> {
+    settings.initial.check()?;
     build::check_limits(device.info(), scene.triangles.len())?;
     let range = SafeRange::of(&scene.triangles);
     let working = range.apply(&scene.triangles);
@@ -190,6 +221,13 @@ fn initial_tree(
             let (tree, timings, _) = build::ploc(device, working, settings.morton_bits, *radius)?;
             return Ok((tree, timings));
         }
+        #[cfg(feature = "atrbvh")]
+        Initial::Atrbvh { treelet } => {
+            let (tree, timings, _) = build::atrbvh(device, working, settings.morton_bits, *treelet)?;
+            return Ok((tree, timings));
+        }
+        #[cfg(not(feature = "atrbvh"))]
+        Initial::Atrbvh { .. } => return Err(FeatureOff { method: "atrbvh", feature: "atrbvh" }.into()),
         Initial::SahSweep => ("sah sweep", build::sah_sweep(working)),
         Initial::SahBinned => ("sah binned", build::sah_binned(working)),
         Initial::File(path) => ("read tree", build::from_file(path, scene, working)?),
@@ -242,4 +280,18 @@ pub fn plan(scene: &Scene, device: &DeviceInfo, settings: &Settings) -> Vec<Stri
     }
     lines.push("normals, texture coordinates, materials: only positions are read".to_owned());
     lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_method_that_is_left_out_says_so() {
+        let initial = Initial::Atrbvh { treelet: TreeletSize::default() };
+        assert_eq!(initial.to_string(), "atrbvh");
+        assert_eq!(initial.check().is_ok(), cfg!(feature = "atrbvh"));
+        let error = FeatureOff { method: "atrbvh", feature: "atrbvh" }.to_string();
+        assert!(error.contains("without the cargo feature `atrbvh`"), "{error}");
+    }
 }

@@ -1,9 +1,11 @@
 //! The table of kernels: each row makes a SPIR-V entry point, its [`KernelInfo`](crate::KernelInfo) and its native entry.
 //!
 //! A row names the kernel (variant of [`Kernel`] and SPIR-V entry point), its push constants, its buffers in the order of their
-//! bindings with what it may do to them (see [`crate::mem`]), and the function that one invocation runs.
+//! bindings with what it may do to them (see [`crate::mem`]), and the function that one invocation runs. A `#[cfg]` on a row leaves the kernel out.
 
 use crate::aabb::Aabb;
+#[cfg(feature = "atrbvh")]
+use crate::atrbvh::{self, LevelsParams, RestructureParams};
 use crate::collapse::{self, CollapseParams, CompactNode, EmitParams, Place, PlacesParams};
 use crate::cost::{self, CostParams};
 use crate::entry::kernels;
@@ -132,6 +134,23 @@ kernels! {
         5 next_clusters: &[Slot<Cluster>],
         6 next_progress: &[Slot<Progress>],
     ] => |i| merge::merge(i, params, neighbours, marks, clusters, progress, nodes, next_clusters, next_progress);
+
+    #[cfg(feature = "atrbvh")]
+    AtrbvhLevels atrbvh_levels(params: LevelsParams) [
+        0 nodes: &[Node],
+        1 sizes: &[AtomicU32],
+        2 levels: &[AtomicU32],
+        3 order: &[Slot<u32>],
+        4 counts: &[AtomicU32],
+        5 arrivals: &[AtomicU32],
+    ] => |i| atrbvh::levels(i, params, nodes, sizes, levels, order, counts, arrivals);
+
+    #[cfg(feature = "atrbvh")]
+    AtrbvhRestructure atrbvh_restructure(params: RestructureParams) [
+        0 order: &[u32],
+        1 nodes: &[AtomicNode],
+        2 report: &[AtomicU32],
+    ] => |i| atrbvh::restructure(i, params, order, nodes, report);
 
     Refit refit_climb(params: RefitParams) [
         0 nodes: &[AtomicNode],

@@ -3,11 +3,13 @@
 /// Makes the SPIR-V entry point, the description and the native entry of each row. The names that it uses are those at the place of its call.
 macro_rules! kernels {
     ($(
+        $(#[$cfg:meta])*
         $variant:ident $name:ident($params:ident: $params_type:ty) [
             $($binding:tt $buffer:ident: $view:ty),+ $(,)?
         ] => |$i:ident| $body:expr;
     )+) => {
         $(
+            $(#[$cfg])*
             #[doc = concat!("SPIR-V entry point of [`Kernel::", stringify!($variant), "`].")]
             #[spirv(compute(threads(64)))]
             #[inline(always)]
@@ -30,6 +32,7 @@ macro_rules! kernels {
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
         pub enum Kernel {
             $(
+                $(#[$cfg])*
                 #[doc = concat!("`", stringify!($name), "`")]
                 $variant,
             )+
@@ -38,7 +41,7 @@ macro_rules! kernels {
         #[cfg(not(target_arch = "spirv"))]
         impl Kernel {
             /// Every kernel.
-            pub const ALL: &'static [Self] = &[$(Self::$variant),+];
+            pub const ALL: &'static [Self] = &[$($(#[$cfg])* Self::$variant),+];
 
             /// Name, push constants and buffers.
             #[must_use]
@@ -46,6 +49,7 @@ macro_rules! kernels {
                 use crate::native::{BindingInfo, KernelInfo, View};
                 match self {
                     $(
+                        $(#[$cfg])*
                         Self::$variant => &KernelInfo {
                             name: stringify!($name),
                             push_bytes: size_of::<$params_type>(),
@@ -78,6 +82,7 @@ macro_rules! kernels {
                 let workgroups = UVec3::from_array(grid::workgroups(count));
                 match self {
                     $(
+                        $(#[$cfg])*
                         Self::$variant => {
                             let $params: &$params_type = &bytemuck::pod_read_unaligned(push);
                             $(let $buffer = <$view as View<'_>>::bind(next());)+

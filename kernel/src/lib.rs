@@ -11,6 +11,7 @@
 //! | [`sort`] | `sort_count`, `scan_*`, `sort_scatter`, `sort_gather` | codes → order of the references |
 //! | [`lbvh`] | `lbvh_leaves`, `lbvh_hierarchy` | sorted codes → links of the tree |
 //! | [`ploc`] | `ploc_clusters`, `ploc_nearest`, `ploc_mark`, `scan_*`, `ploc_merge` | order of the references → tree |
+//! | `atrbvh` | `atrbvh_levels`, `sort_*`, `scan_*`, `atrbvh_restructure` | tree → tree with better treelets |
 //! | [`refit`] | `refit` | leaf boxes → all boxes |
 //! | [`cost`] | `cost` | boxes → partial sums of half surface areas |
 //! | [`prbvh`] | `prbvh_search`, `prbvh_lock`, `prbvh_check`, `prbvh_decrease`, `prbvh_reinsert` | tree → better tree |
@@ -27,6 +28,9 @@
 #![deny(unsafe_code)]
 
 pub mod aabb;
+#[cfg(feature = "atrbvh")]
+pub mod atrbvh;
+pub mod climb;
 pub mod collapse;
 pub mod cost;
 pub mod entries;

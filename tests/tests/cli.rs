@@ -95,6 +95,33 @@ fn the_conservative_strategy_falls_as_it_says() {
 }
 
 #[test]
+fn atrbvh_is_an_initial_tree_with_a_treelet_of_its_own() {
+    let folder = tempdir().unwrap();
+    let report = |arguments: &[&str]| {
+        optimize(folder.path(), &[arguments, &["--device", "cpu", "--max-iterations", "0", "--json"]].concat())
+            .ok()
+            .json()
+    };
+    let initial_cost = |report: &Value| report["initial_cost"].as_f64().unwrap();
+    let plain = report(&[]);
+    assert!(plain["settings"]["treelet"].is_null());
+    let restructured = report(&["--initial", "atrbvh"]);
+    assert_eq!(
+        (&restructured["settings"]["initial"], &restructured["settings"]["treelet"]),
+        (&"atrbvh".into(), &20.into())
+    );
+    assert!(initial_cost(&restructured) < 0.9 * initial_cost(&plain));
+    let phases = restructured["phases"].as_array().unwrap();
+    assert!(phases.iter().any(|phase| phase["label"] == "restructure"));
+    let small = report(&["--initial", "atrbvh", "--treelet", "5"]);
+    assert_eq!(small["settings"]["treelet"], 5);
+    assert_ne!(small["tree_hash"], restructured["tree_hash"]);
+
+    optimize(folder.path(), &["--initial", "atrbvh", "--treelet", "33"])
+        .refused(&["--treelet", "4 to 32 leaves, not 33"]);
+}
+
+#[test]
 fn the_outputs_say_the_same() {
     let folder = tempdir().unwrap();
     let ran = optimize(folder.path(), &["--device", "cpu", "--out", "a/b", "--json"]).ok();

@@ -1,4 +1,4 @@
-//! `cargo xtask bench`: time, memory and cost, beside a peer; see tests/benches.
+//! `cargo xtask bench [--parts]`: see tests/benches.
 
 use crate::repo;
 use anyhow::{Result, ensure};
@@ -6,6 +6,9 @@ use clap::Args;
 
 #[derive(Args)]
 pub(crate) struct Bench {
+    /// Each builder alone, the collapse and tracing, instead of the way from triangles to the best tree beside a peer.
+    #[arg(long)]
+    parts: bool,
     /// For the benchmark: `--help` lists them.
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     arguments: Vec<String>,
@@ -16,7 +19,8 @@ impl Bench {
     /// If the benchmark cannot be built, or an answer that it checks is wrong.
     pub(crate) fn run(self) -> Result<()> {
         let mut cargo = repo::cargo()?;
-        cargo.args(["bench", "--package", "prbvh-tests", "--bench", "spine", "--"]).args(self.arguments);
+        let bench = if self.parts { "parts" } else { "spine" };
+        cargo.args(["bench", "--package", "prbvh-tests", "--bench", bench, "--"]).args(self.arguments);
         ensure!(cargo.status()?.success(), "the benchmark failed");
         Ok(())
     }

@@ -3,7 +3,7 @@
 use super::leaves::LeavesArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use prbvh::build::{DEFAULT_RADIUS, MortonBits};
+use prbvh::build::{DEFAULT_RADIUS, MortonBits, TreeletSize};
 use prbvh::device::DeviceChoice;
 use prbvh::optimize::{Epsilon, PrbvhSettings, Strategy};
 use prbvh::pipeline::{Initial, Settings};
@@ -49,12 +49,15 @@ pub(super) struct OptimizeArgs {
     /// Size of the built-in scene.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) triangles: Option<usize>,
-    /// Where the initial tree comes from: lbvh, ploc, sah-sweep, sah-binned, or a tree.bvh over the same scene.
+    /// Where the initial tree comes from: lbvh, ploc, atrbvh, sah-sweep, sah-binned, or a tree.bvh over the same scene.
     #[arg(long, default_value = "lbvh", value_name = "BUILDER|FILE.bvh", value_parser = OsStringValueParser::new().try_map(initial))]
     pub(super) initial: Initial,
     /// Places in the Morton order that a cluster of ploc looks to either side [default: 16].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub(super) radius: Option<u32>,
+    /// Leaves of the treelets that atrbvh restructures, 4 to 32 [default: 20].
+    #[arg(long, value_name = "N", value_parser = treelet, allow_negative_numbers = true)]
+    pub(super) treelet: Option<TreeletSize>,
     /// Bits of the Morton codes that the initial tree is built from.
     #[arg(long, value_enum, default_value_t)]
     pub(super) morton_bits: MortonBitsArg,
@@ -141,11 +144,19 @@ impl OptimizeArgs {
     }
 
     fn initial(&self) -> anyhow::Result<Initial> {
-        match (&self.initial, self.radius.and_then(NonZeroU32::new)) {
-            (Initial::Ploc { .. }, Some(radius)) => Ok(Initial::Ploc { radius }),
+        let mut initial = self.initial.clone();
+        match (&mut initial, self.radius.and_then(NonZeroU32::new)) {
+            (Initial::Ploc { radius }, Some(asked)) => *radius = asked,
             (other, Some(_)) => anyhow::bail!("--radius is for --initial ploc, not for {other}"),
-            (initial, None) => Ok(initial.clone()),
+            (_, None) => {}
         }
+        match (&mut initial, self.treelet) {
+            (Initial::Atrbvh { treelet }, Some(asked)) => *treelet = asked,
+            (other, Some(_)) => anyhow::bail!("--treelet is for --initial atrbvh, not for {other}"),
+            (_, None) => {}
+        }
+        initial.check()?;
+        Ok(initial)
     }
 }
 
@@ -270,13 +281,19 @@ fn initial(text: OsString) -> Result<Initial, String> {
     match text.to_str() {
         Some("lbvh") => Ok(Initial::Lbvh),
         Some("ploc") => Ok(Initial::Ploc { radius: DEFAULT_RADIUS }),
+        Some("atrbvh") => Ok(Initial::Atrbvh { treelet: TreeletSize::default() }),
         Some("sah-sweep") => Ok(Initial::SahSweep),
         Some("sah-binned") => Ok(Initial::SahBinned),
         _ if Path::new(&text).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("bvh")) => {
             Ok(Initial::File(text.into()))
         }
-        _ => Err("neither lbvh, ploc, sah-sweep, sah-binned nor a tree file that ends in .bvh".to_owned()),
+        _ => Err("neither lbvh, ploc, atrbvh, sah-sweep, sah-binned nor a tree file that ends in .bvh".to_owned()),
     }
+}
+
+fn treelet(text: &str) -> Result<TreeletSize, String> {
+    let leaves = text.parse::<u32>().map_err(|error| error.to_string())?;
+    TreeletSize::new(leaves).map_err(|error| error.to_string())
 }
 
 pub(super) fn not_negative(text: &str) -> Result<f64, String> {
@@ -330,6 +347,13 @@ mod tests {
         assert_eq!(initial("--initial lbvh"), Ok(Initial::Lbvh));
         assert_eq!(initial("--initial ploc"), ploc(DEFAULT_RADIUS.get()));
         assert_eq!(initial("--initial ploc --radius 10000"), ploc(10_000));
+        // A program without the method refuses it here.
+        let atrbvh = |leaves| {
+            let initial = Initial::Atrbvh { treelet: TreeletSize::new(leaves).unwrap() };
+            initial.check().map(|()| initial).map_err(|error| error.to_string())
+        };
+        assert_eq!(initial("--initial atrbvh"), atrbvh(20));
+        assert_eq!(initial("--initial atrbvh --treelet 32"), atrbvh(32));
         assert_eq!(initial("--initial sah-sweep"), Ok(Initial::SahSweep));
         assert_eq!(initial("--initial sah-binned"), Ok(Initial::SahBinned));
         assert_eq!(initial("--initial out/tree.BVH"), Ok(Initial::File("out/tree.BVH".into())));
@@ -348,6 +372,10 @@ mod tests {
             ("--initial ploc --radius many", "many"),
             ("--radius 5", "--radius is for --initial ploc, not for lbvh"),
             ("--initial a.bvh --radius 5", "not for a.bvh"),
+            ("--initial atrbvh --treelet 3", "a treelet has 4 to 32 leaves, not 3"),
+            ("--initial atrbvh --treelet 33", "a treelet has 4 to 32 leaves, not 33"),
+            ("--initial atrbvh --treelet -1", "invalid digit"),
+            ("--treelet 7", "--treelet is for --initial atrbvh, not for lbvh"),
         ] {
             let error = settings(arguments).unwrap_err();
             assert!(error.contains(part), "{arguments}: {error}");
@@ -355,18 +383,12 @@ mod tests {
     }
 
     #[test]
-    fn a_strategy_has_a_name() {
-        let strategy = |arguments: &str| settings(arguments).map(|settings| settings.prbvh.strategy);
-        assert_eq!(strategy(""), Ok(Strategy::Aggressive));
-        assert_eq!(strategy("--strategy aggressive"), Ok(Strategy::Aggressive));
-        assert_eq!(strategy("--strategy conservative"), Ok(Strategy::Conservative));
-    }
-
-    #[test]
-    fn the_help_names_the_default_radius() {
+    fn the_help_names_the_defaults_of_the_builders() {
         use clap::CommandFactory;
         let mut command = Cli::command();
         let help = command.find_subcommand_mut("optimize").unwrap().render_long_help().to_string();
-        assert!(help.contains(&format!("[default: {DEFAULT_RADIUS}]")), "{help}");
+        for default in [DEFAULT_RADIUS.get(), TreeletSize::default().get()] {
+            assert!(help.contains(&format!("[default: {default}]")), "{help}");
+        }
     }
 }

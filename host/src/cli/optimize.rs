@@ -122,6 +122,10 @@ fn report(
                 Initial::Ploc { radius } => Some(radius.get()),
                 _ => None,
             },
+            treelet: match settings.initial {
+                Initial::Atrbvh { treelet } => Some(treelet.get()),
+                _ => None,
+            },
             strategy: value_name::<StrategyArg>(args.strategy),
             mu: settings.prbvh.mu,
             epsilon,

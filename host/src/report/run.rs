@@ -108,6 +108,8 @@ pub struct Settings {
     pub initial: String,
     /// Radius of PLOC; none for another builder.
     pub radius: Option<u32>,
+    /// Leaves of the treelets of ATRBVH; none for another builder.
+    pub treelet: Option<u32>,
     /// Locking strategy.
     pub strategy: String,
     /// Sparse search: one node in `mu` is searched per iteration, at first.

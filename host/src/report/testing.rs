@@ -58,6 +58,7 @@ pub(super) fn report(iterations: u32) -> RunReport {
         settings: Settings {
             initial: "lbvh".to_owned(),
             radius: None,
+            treelet: None,
             strategy: "aggressive".to_owned(),
             mu: 9,
             epsilon: 1e-4,

@@ -3,11 +3,11 @@
 use prbvh_kernel::Kernel;
 
 macro_rules! modules {
-    ($($kernel:ident: $name:literal),+ $(,)?) => {
+    ($($(#[$cfg:meta])* $kernel:ident: $name:literal),+ $(,)?) => {
         /// Bytes of the module of a kernel. A kernel without one does not compile.
         fn bytes(kernel: Kernel) -> &'static [u8] {
             match kernel {
-                $(Kernel::$kernel => include_bytes!(concat!("../../../../kernel/spv/", $name, ".spv"))),+
+                $($(#[$cfg])* Kernel::$kernel => include_bytes!(concat!("../../../../kernel/spv/", $name, ".spv"))),+
             }
         }
     };
@@ -30,6 +30,10 @@ modules! {
     PlocNearest: "ploc_nearest",
     PlocMark: "ploc_mark",
     PlocMerge: "ploc_merge",
+    #[cfg(feature = "atrbvh")]
+    AtrbvhLevels: "atrbvh_levels",
+    #[cfg(feature = "atrbvh")]
+    AtrbvhRestructure: "atrbvh_restructure",
     Refit: "refit_climb",
     Cost: "cost_sums",
     PrbvhSearch: "prbvh_search",
