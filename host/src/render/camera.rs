@@ -47,7 +47,13 @@ impl Camera {
         };
         let mut axis = [0.0; 3];
         axis[up] = 1.0;
-        let camera = |eye, look_at, fov_degrees| Self { eye, look_at, up: axis, fov_degrees };
+        let camera = |eye: [f32; 3], mut look_at: [f32; 3], fov_degrees| {
+            // A scene without extent has one point, and no direction to look in.
+            if eye == look_at {
+                look_at[long] = if eye[long] == 0.0 { 1.0 } else { 0.5 * eye[long] };
+            }
+            Self { eye, look_at, up: axis, fov_degrees }
+        };
         match number {
             0 => {
                 let size = (0..3).map(|k| extent(k) * extent(k)).sum::<f64>().sqrt();

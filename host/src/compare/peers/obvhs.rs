@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 /// Its medium preset: PLOC of radius 14, reinsertion of one node in twenty, and of one in ten once more.
 pub(super) const DEFAULT: &str = "obvhs default";
 /// PLOC of radius 32 on all levels, then [`PASSES`] passes of reinsertion over all nodes.
-pub(super) const BEST: &str = "obvhs best (r=32, 20 passes)";
+pub(super) const BEST: &str = "obvhs best r=32 x20";
 const PASSES: u32 = 20;
 
 pub(super) fn default(triangles: &[Triangle]) -> PeerTree {
