@@ -1,8 +1,13 @@
 //! `prbvh compare` as a user runs it.
 
+use prbvh::compare::{CompareSettings, MethodSettings, RaySettings, compare as compare_scenes, jobs};
+use prbvh::device::cpu::CpuDevice;
+use prbvh::device::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
+use prbvh::scene::built_in;
 use prbvh_tests::command::{Ended, run, start};
 use prbvh_tests::devices::without_vulkan;
 use serde_json::Value;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::process::Command;
 use tempfile::tempdir;
@@ -179,4 +184,81 @@ fn the_help_names_what_the_paper_has() {
         assert!(help.contains(part), "{part}: {help}");
     }
     assert!(!run(PRBVH, tempdir().unwrap().path(), &["--help"]).ok().stdout.contains("peer"), "the process is hidden");
+}
+
+/// A CPU with no memory for the buffers of one label.
+struct Refuses {
+    device: CpuDevice,
+    label: &'static str,
+}
+
+impl Device for Refuses {
+    fn info(&self) -> &DeviceInfo {
+        self.device.info()
+    }
+
+    fn allocate(&mut self, label: &'static str, length: usize, bytes: usize) -> Result<Buffer, DeviceError> {
+        if label == self.label {
+            let device = self.info().name.clone();
+            return Err(DeviceError::OutOfMemory { what: label.to_owned(), bytes: (length * bytes) as u64, device });
+        }
+        self.device.allocate(label, length, bytes)
+    }
+
+    fn free(&mut self, buffer: Buffer) {
+        self.device.free(buffer);
+    }
+
+    fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
+        self.device.upload(buffer, bytes)
+    }
+
+    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
+        self.device.download(buffer, bytes)
+    }
+
+    fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
+        self.device.run(recording)
+    }
+
+    fn memory(&self) -> MemoryUse {
+        self.device.memory()
+    }
+}
+
+#[test]
+fn a_method_that_fails_on_a_device_is_a_row_and_leaves_no_buffers() {
+    let names = ["ploc", "lbvh", "prbvh"].map(str::to_owned);
+    let methods = MethodSettings { mu: vec![9], ..MethodSettings::default() };
+    let rays = RaySettings { width: 16, height: 8, samples: 1, bounces: 1, light_samples: 1, views: 1 };
+    let settings = CompareSettings {
+        jobs: jobs(&names, &methods).unwrap(),
+        repeat: 2,
+        threads: 1,
+        rays: Some(rays),
+        up: 1,
+        pictures: true,
+        figures: true,
+        peers: None,
+    };
+    for (label, failing) in [("neighbours", &["ploc r=100", "prbvh, for a figure"][..]), ("found", &["prbvh"])] {
+        let device = Box::new(Refuses { device: CpuDevice::new(1).unwrap(), label });
+        let mut devices: Vec<Box<dyn Device>> = vec![device];
+        let mut steps = 0;
+        let comparison = compare_scenes(&[built_in(200)], &mut devices, &settings, &mut |step| {
+            steps += usize::from(step.outcome.is_some());
+            ControlFlow::Continue(())
+        });
+        let rows = &comparison.scenes[0].rows;
+        for row in rows {
+            let fails = failing.iter().any(|method| row.method.starts_with(method));
+            assert_eq!(row.status != "ok", fails, "{label}: {row:?}");
+            assert!(!fails || row.status.contains(&format!("no memory for {label}")), "{label}: {row:?}");
+            assert_eq!(row.cost.is_none(), fails, "{label}: {row:?}");
+        }
+        assert!(failing.iter().all(|method| rows.iter().any(|row| row.method.starts_with(method))), "{rows:?}");
+        assert!(steps >= 6, "{steps}");
+        assert_eq!(devices[0].memory().bytes, 0, "{label}: buffers are left");
+        assert!(comparison.scenes[0].pictures.iter().any(|picture| picture.title == "view 0, shaded"));
+    }
 }

@@ -72,6 +72,8 @@ pub(super) fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<ExitCode> {
 
 /// Runs another library; the comparison reads the file that it leaves, or its last words.
 pub(super) fn run_peer(args: &PeerArgs) -> ExitCode {
+    // Ctrl-C reaches this process too: the first one is for the comparison, which waits for the tree.
+    let _ignored = Interrupt::listen();
     match peers::serve(&args.method, &args.scene_file, &args.out, args.threads) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -98,10 +98,10 @@ pub fn table(scene: &SceneComparison, width: u16) -> String {
     text
 }
 
-/// Columns that it takes, its padding included.
+/// Columns of the terminal that it takes, with its padding and the gap before the next.
 fn wide((column, cells): &(&Column, Vec<String>)) -> usize {
     let texts = cells.iter().map(String::as_str).chain([column.header]);
-    texts.map(|text| text.chars().count()).max().unwrap_or(0) + 2
+    texts.map(|text| text.chars().count()).max().unwrap_or(0) + 3
 }
 
 /// A line below the table.
