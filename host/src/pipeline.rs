@@ -194,6 +194,34 @@ pub fn optimize(
     })
 }
 
+/// An initial tree.
+#[derive(Clone, Debug)]
+pub struct Built {
+    /// The tree; its boxes are those of the scene's triangles.
+    pub tree: Bvh,
+    /// Its quality, in f64.
+    pub quality: Quality,
+    /// Wall time, upload included, seconds.
+    pub build_s: f64,
+    /// Times of its stages.
+    pub timings: Vec<Timing>,
+}
+
+/// Builds the initial tree alone.
+///
+/// # Errors
+/// As [`optimize`].
+pub fn build_initial(scene: &Scene, device: &mut dyn Device, settings: &Settings) -> Result<Built, PipelineError> {
+    build::check_limits(device.info(), scene.triangles.len())?;
+    let working = SafeRange::of(&scene.triangles).apply(&scene.triangles);
+    let start = Instant::now();
+    let (tree, timings) = initial_tree(scene, &working, device, settings)?;
+    let build_s = start.elapsed().as_secs_f64();
+    let (handed_out, quality) = hand_out(&tree, scene, device, "builder")?;
+    tree.free(device);
+    Ok(Built { tree: handed_out, quality, build_s, timings })
+}
+
 /// The device's tree with adaptive leaves, validated.
 fn hand_out_collapsed(
     tree: &DeviceTree,

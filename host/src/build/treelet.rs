@@ -20,6 +20,8 @@ impl TreeletSize {
     pub const MIN: Self = Self(4);
     /// The largest that the kernel has room for.
     pub const MAX: Self = Self(32);
+    /// As in HIPPIE, the framework of Meister & Bittner.
+    pub const DEFAULT: Self = Self(20);
 
     /// A number of leaves.
     ///
@@ -36,10 +38,9 @@ impl TreeletSize {
     }
 }
 
-/// 20, as in HIPPIE, the framework of Meister & Bittner.
 impl Default for TreeletSize {
     fn default() -> Self {
-        Self(20)
+        Self::DEFAULT
     }
 }
 

@@ -1,5 +1,6 @@
 //! What the command line can say.
 
+use super::compare_args::{CompareArgs, PeerArgs};
 use super::leaves::LeavesArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -35,6 +36,11 @@ pub(super) enum Command {
     Optimize(Box<OptimizeArgs>),
     /// Trace rays through the tree of a scene: a picture, and what its rays cost.
     Render(Box<RenderArgs>),
+    /// The methods of the paper against each other: cost, rays per second, time, memory.
+    Compare(Box<CompareArgs>),
+    /// Build a tree with another library, in a process of its own.
+    #[command(hide = true)]
+    Peer(PeerArgs),
     /// Read a `tree.bvh` back, validate it and say what it is worth.
     Stats(StatsArgs),
     /// List the devices and the limits that matter.
@@ -303,7 +309,7 @@ pub(super) fn not_negative(text: &str) -> Result<f64, String> {
     }
 }
 
-fn size(text: &str) -> Result<[u32; 2], String> {
+pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
     let side = |text: &str| text.parse::<u32>().ok().filter(|side| (1..=prbvh::render::MAX_SIDE).contains(side));
     match text.split_once('x').map(|(width, height)| [side(width), side(height)]) {
         Some([Some(width), Some(height)]) => Ok([width, height]),
@@ -320,7 +326,7 @@ fn point(text: &str) -> Result<[f32; 3], String> {
     }
 }
 
-fn threads(text: &str) -> Result<usize, String> {
+pub(super) fn threads(text: &str) -> Result<usize, String> {
     const MOST: usize = 1024;
     match text.parse::<usize>() {
         Ok(threads) if threads <= MOST => Ok(threads),

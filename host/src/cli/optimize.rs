@@ -17,7 +17,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 /// Columns where the width of the terminal is not known.
-const DEFAULT_COLUMNS: u16 = 100;
+pub(super) const DEFAULT_COLUMNS: u16 = 100;
 
 pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
     let settings = args.settings()?;
@@ -56,7 +56,7 @@ pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
 }
 
 /// Makes the folder of the outputs and tries whether files can be made in it, before any time is spent on what is to go there.
-fn check_folder(folder: &Path) -> anyhow::Result<()> {
+pub(super) fn check_folder(folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder)
         .and_then(|()| tempfile::tempfile_in(folder))
         .with_context(|| format!("--out {}: no files can be made there", folder.display()))?;

@@ -5,6 +5,7 @@ use crate::device::{Buffer, Device, DeviceError, Recording};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::prbvh::{PrbvhParams, Reinsertion};
 use serde::Serialize;
+use std::fmt;
 
 /// When a reinsertion may run beside others (Meister & Bittner 2018, §4.3).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -16,6 +17,16 @@ pub enum Strategy {
     /// If their boxes do not overlap either: the cost falls in each iteration by the sum of the decreases
     /// ([`prbvh_kernel::prbvh::conservative`]).
     Conservative,
+}
+
+/// As on the command line.
+impl fmt::Display for Strategy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Aggressive => "aggressive",
+            Self::Conservative => "conservative",
+        })
+    }
 }
 
 /// Locks of one 64-bit word, or of two of 32 bits where the device has no 64-bit atomics.

@@ -2,7 +2,7 @@
 
 mod axis;
 mod csv;
-mod format;
+pub(crate) mod format;
 mod json;
 mod machine;
 mod phases;
