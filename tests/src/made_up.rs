@@ -89,6 +89,49 @@ pub fn comparison(scenes: usize) -> Comparison {
     }
 }
 
+/// What must never run: `window.planted` would be set.
+pub const PLANTED: &str =
+    "</script></title></style><script>window.planted = 1</script><img src=x onerror='window.planted = 2'>\"&\u{1}";
+
+/// A scene in which every text is [`PLANTED`], as names of files and devices may be.
+///
+/// # Panics
+/// As [`comparison`].
+#[must_use]
+pub fn hostile() -> Comparison {
+    let mut comparison = comparison(1);
+    let planted = || PLANTED.to_owned();
+    comparison.machine.cpu = planted();
+    comparison.machine.os = planted();
+    comparison.program.commit = planted();
+    comparison.program.command_line.push(planted());
+    for device in &mut comparison.devices {
+        device.name = planted();
+        device.driver = planted();
+    }
+    let scene = &mut comparison.scenes[0];
+    scene.name = planted();
+    scene.hash = planted();
+    for row in &mut scene.rows {
+        row.scene = planted();
+        row.method = format!("{}{PLANTED}", row.method);
+        row.device = planted();
+        row.status = planted();
+        row.tree_hash = Some(planted());
+    }
+    // The overview is drawn only with a cost of LBVH.
+    scene.rows[0].method = "lbvh".to_owned();
+    for run in &mut scene.runs {
+        run.method = format!("{}{PLANTED}", run.method);
+        run.initial = format!("{}{PLANTED}", run.initial);
+        run.strategy = format!("{}{PLANTED}", run.strategy);
+        run.device = planted();
+        run.phases.iter_mut().for_each(|phase| phase.label.push_str(PLANTED));
+    }
+    scene.pictures.iter_mut().for_each(|picture| picture.title.push_str(PLANTED));
+    comparison
+}
+
 fn device(name: &str, kind: DeviceKind) -> DeviceInfo {
     DeviceInfo {
         name: name.to_owned(),

@@ -72,7 +72,7 @@ impl Bars {
         let height = HEAD + self.blocks.iter().map(|block| COLUMN_HEAD + ROW * rows(block) + GAP).sum::<i32>();
         let root = SVGBackend::with_string(text, (WIDTH, height as u32)).into_drawing_area();
         root.fill(&WHITE)?;
-        root.draw_text(&svg::clean(&self.heading), &Font::TITLE.left(), (40, 20))?;
+        root.draw_text(&svg::clean(&format::shortened(&self.heading, 80)), &Font::TITLE.left(), (40, 20))?;
         root.draw_text(&svg::clean(&format::shortened(&self.subject, 110)), &Font::NOTE.left(), (40, 62))?;
         let names = self.blocks.iter().flatten().flat_map(|column| &column.bars).map(|bar| bar.name.chars().count());
         let left = 40.0 + names.max().unwrap_or(0).min(30) as f64 * Font::TEXT.advance() + 16.0;

@@ -125,7 +125,7 @@ impl Chart {
     fn axes(&self, text: &mut String) -> Result<Vec<Place>, Failure> {
         let root = SVGBackend::with_string(text, (WIDTH, self.height)).into_drawing_area();
         root.fill(&WHITE)?;
-        root.draw_text(&svg::clean(&self.heading), &Font::TITLE.left(), (40, 20))?;
+        root.draw_text(&svg::clean(&format::shortened(&self.heading, 80)), &Font::TITLE.left(), (40, 20))?;
         root.draw_text(&svg::clean(&format::shortened(&self.subject, 110)), &Font::NOTE.left(), (40, 62))?;
         root.draw_text(&svg::clean(&self.all_notes()), &Font::NOTE.left(), (40, self.height as i32 - 36))?;
         let plots = root.margin(HEAD, FOOT, 16, 16).split_evenly((1, self.panels.len()));
@@ -176,7 +176,7 @@ impl Panel {
             Names::Beside => 100,
         };
         let mut builder = ChartBuilder::on(area);
-        builder.margin(14).margin_right(room).x_label_area_size(70).y_label_area_size(left);
+        builder.margin(14).margin_right(room).x_label_area_size(64).y_label_area_size(left);
         if !self.heading.is_empty() {
             builder.caption(&self.heading, Font::PANEL.style());
         }
@@ -184,16 +184,17 @@ impl Panel {
             Ticked { range: self.x.range(), ticks: x_ticks },
             Ticked { range: self.y.range(), ticks: y_ticks },
         )?;
-        chart
-            .configure_mesh()
-            .light_line_style(TRANSPARENT)
+        let mut mesh = chart.configure_mesh();
+        mesh.light_line_style(TRANSPARENT)
             .bold_line_style(GRID)
             .axis_style(BLACK)
             .label_style(Font::TEXT.style())
             .axis_desc_style(Font::TEXT.style())
-            .x_desc(&self.x_title)
-            .y_desc(&self.y_title)
-            .draw()?;
+            .x_desc(&self.x_title);
+        if !self.y_title.is_empty() {
+            mesh.y_desc(&self.y_title);
+        }
+        mesh.draw()?;
         let (x, y) = chart.plotting_area().get_pixel_range();
         let plot = [x.start, y.start, x.end, y.end].map(f64::from);
         Ok(Place { plot, right: plot[2] + f64::from(room) })

@@ -9,12 +9,9 @@ use crate::report::plot::PlotError;
 
 pub(super) fn figure(scene: &SceneComparison) -> Result<Option<Figure>, PlotError> {
     let all: Vec<&OptimizerRun> = scene.runs.iter().filter(|run| run.purpose == Purpose::Table).collect();
-    let with_device = runs::devices_differ(&all);
-    let curves: Vec<_> = all
-        .iter()
-        .enumerate()
-        .map(|(k, run)| runs::curve(run, runs::name(run, with_device), k, runs::seconds))
-        .collect();
+    let names = runs::names(&all, |run| runs::method(&run.method, Some(run.mu)));
+    let curve = |(k, (run, name)): (usize, (&&OptimizerRun, String))| runs::curve(run, name, k, runs::seconds);
+    let curves: Vec<_> = all.iter().zip(names).enumerate().map(curve).collect();
     let points = || curves.iter().flat_map(|curve| &curve.points);
     let panel = Panel {
         heading: String::new(),

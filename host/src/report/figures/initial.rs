@@ -9,14 +9,10 @@ use crate::report::plot::PlotError;
 pub(super) fn figure(scene: &SceneComparison) -> Result<Option<Figure>, PlotError> {
     let same = |run: &OptimizerRun| (run.strategy.clone(), run.mu, run.device.clone());
     let runs = runs::counterparts(scene, Purpose::Initial, same, |run| run.initial.clone()).unwrap_or_default();
-    let with_device = runs::devices_differ(&runs);
     let several_mu = runs.windows(2).any(|pair| pair[0].mu != pair[1].mu);
-    let name = |run: &OptimizerRun| {
-        let name = runs::method(&format!("from {}", run.initial), several_mu.then_some(run.mu));
-        runs::with_device_name(name, run, with_device)
-    };
-    let curves: Vec<_> =
-        runs.iter().enumerate().map(|(k, run)| runs::curve(run, name(run), k, runs::seconds)).collect();
+    let names = runs::names(&runs, |run| runs::method(&format!("from {}", run.initial), several_mu.then_some(run.mu)));
+    let curve = |(k, (run, name)): (usize, (&&OptimizerRun, String))| runs::curve(run, name, k, runs::seconds);
+    let curves: Vec<_> = runs.iter().zip(names).enumerate().map(curve).collect();
     let points = || curves.iter().flat_map(|curve| &curve.points);
     let panel = Panel {
         heading: String::new(),

@@ -12,6 +12,9 @@ const COLUMNS: usize = 4;
 const MOST: usize = 14;
 const REST: &str = "all others";
 
+/// A run and what it is called among the others.
+type Named<'a> = (&'a OptimizerRun, String);
+
 pub(super) fn figure(scene: &SceneComparison) -> Result<Option<Figure>, PlotError> {
     let timed = |run: &&OptimizerRun| total(run) > 0.0;
     let of = |purpose| scene.runs.iter().filter(move |run| run.purpose == purpose).filter(timed).collect::<Vec<_>>();
@@ -19,11 +22,13 @@ pub(super) fn figure(scene: &SceneComparison) -> Result<Option<Figure>, PlotErro
     if all.is_empty() {
         all = of(Purpose::Strategy);
     }
+    let name = |run: &OptimizerRun| runs::method(&run.method, Some(run.mu));
+    let names = runs::names(&all, name);
+    let named: Vec<Named<'_>> = all.iter().copied().zip(names).collect();
     // Optimisers and builders have different kernels: each kind for itself.
-    let (optimisers, builders): (Vec<_>, Vec<_>) = all.iter().copied().partition(|run| run.rows.len() > 1);
-    let with_device = runs::devices_differ(&all);
+    let (optimisers, builders): (Vec<_>, Vec<_>) = named.into_iter().partition(|(run, _)| run.rows.len() > 1);
     let blocks = [optimisers, builders];
-    let blocks = blocks.iter().flat_map(|runs| runs.chunks(COLUMNS)).map(|runs| block(runs, with_device)).collect();
+    let blocks = blocks.iter().flat_map(|runs| runs.chunks(COLUMNS)).map(|runs| block(runs)).collect();
     let bars = Bars {
         name: "kernels",
         heading: "Device time per kernel".to_owned(),
@@ -41,9 +46,9 @@ fn total(run: &OptimizerRun) -> f64 {
     run.phases.iter().map(|phase| phase.seconds).sum()
 }
 
-fn block(all: &[&OptimizerRun], with_device: bool) -> Vec<Column> {
+fn block(all: &[Named<'_>]) -> Vec<Column> {
     let mut labels: Vec<(&str, f64)> = Vec::new();
-    for phase in all.iter().flat_map(|run| &run.phases) {
+    for phase in all.iter().flat_map(|(run, _)| &run.phases) {
         match labels.iter_mut().find(|(label, _)| *label == phase.label) {
             Some((_, seconds)) => *seconds += phase.seconds,
             None => labels.push((&phase.label, phase.seconds)),
@@ -51,8 +56,7 @@ fn block(all: &[&OptimizerRun], with_device: bool) -> Vec<Column> {
     }
     labels.sort_by(|a, b| b.1.total_cmp(&a.1));
     let rest: Vec<(&str, f64)> = if labels.len() > MOST { labels.split_off(MOST - 1) } else { Vec::new() };
-    let column = |run: &&OptimizerRun| {
-        let name = runs::name(run, with_device);
+    let column = |(run, name): &Named<'_>| {
         let total = total(run);
         let bar = |label: &str, of: &[&str]| {
             let phases = run.phases.iter().filter(|phase| of.contains(&phase.label.as_str()));

@@ -14,6 +14,8 @@ pub(super) const LIST: u32 = 300;
 const NAME: usize = 30;
 /// Pixels from a name of the list to the next.
 const LIST_STEP: f64 = 30.0;
+/// Room of the mark before a name, pixels.
+const MARK: f64 = 20.0;
 
 /// A curve's drawn points with their indices.
 struct Drawn<'a> {
@@ -88,7 +90,7 @@ fn beside(drawn: &[Drawn<'_>], place: &Place, out: &mut String) {
     for Drawn { curve, points, .. } in drawn {
         let Some(&(x, y)) = points.last() else { continue };
         let name = format::shortened(&curve.name, NAME);
-        let width = name.chars().count() as f64 * Font::TEXT.advance() + 4.0;
+        let width = name.chars().count() as f64 * Font::TEXT.advance() + MARK;
         let height = 1.25 * Font::TEXT.pixels();
         // Without room on the page the name is in the title of the curve alone.
         let Some(placed) = labels.place((x, y), width, height) else { continue };
@@ -99,9 +101,16 @@ fn beside(drawn: &[Drawn<'_>], place: &Place, out: &mut String) {
                 "\n<line x1=\"{x:.1}\" y1=\"{y:.1}\" x2=\"{to_x:.1}\" y2=\"{to_y:.1}\" stroke=\"{colour}\" stroke-width=\"1\"/>"
             );
         }
-        // Towards the point, where the width was guessed.
-        let (anchor, at) = if placed.rect.x1 <= x { ("end", placed.rect.x1) } else { ("start", placed.rect.x0) };
-        text(out, &name, at, 0.5 * (placed.rect.y0 + placed.rect.y1), anchor, curve.style.colour());
+        // A mark leads the name, as a key does, unless the only mark of the curve is beside it anyway.
+        let room = if points.len() > 1 || placed.leader.is_some() { MARK } else { 0.0 };
+        let middle = 0.5 * (placed.rect.y0 + placed.rect.y1);
+        // On the side of the point, where it does not matter that the width was guessed.
+        let (anchor, edge, side) =
+            if placed.rect.x1 <= x { ("end", placed.rect.x1, -1.0) } else { ("start", placed.rect.x0, 1.0) };
+        text(out, &name, edge + side * room, middle, anchor, curve.style.colour());
+        if room > 0.0 {
+            curve.style.mark(out, edge + side * 0.45 * room, middle, 5.0);
+        }
     }
 }
 

@@ -64,8 +64,13 @@ pub struct HoverPoint {
 
 impl HoverPoint {
     fn new(x: f64, y: f64, values: &[Value]) -> Self {
-        // A tenth of a pixel is enough, and short.
-        Self { x: (x * 10.0).round() / 10.0, y: (y * 10.0).round() / 10.0, values: values.to_vec() }
+        // A tenth of a pixel is enough, and so are seven digits: both are short.
+        let short = |value: &Value| match value {
+            Value::Number(number) => Value::Number(format!("{number:.6e}").parse().unwrap_or(*number)),
+            other => other.clone(),
+        };
+        let tenth = |pixels: f64| (pixels * 10.0).round() / 10.0;
+        Self { x: tenth(x), y: tenth(y), values: values.iter().map(short).collect() }
     }
 }
 

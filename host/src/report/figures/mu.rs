@@ -16,15 +16,15 @@ struct Group<'a> {
 pub(super) fn figure(scene: &SceneComparison) -> Result<Option<Figure>, PlotError> {
     let groups = groups(scene);
     let firsts: Vec<&OptimizerRun> = groups.iter().map(|group| group.runs[0]).collect();
-    let with_device = runs::devices_differ(&firsts);
+    let names = runs::names(&firsts, |run| name(run, &firsts));
     let curves = |value: fn(&OptimizerRun) -> f64| -> Vec<Curve> {
-        let curve = |(k, group): (usize, &Group<'_>)| Curve {
-            name: name(group.runs[0], &firsts, with_device),
+        let curve = |(k, (group, name)): (usize, (&Group<'_>, &String))| Curve {
+            name: name.clone(),
             style: Style(k),
             joined: true,
             points: group.runs.iter().map(|run| point(run, value)).collect(),
         };
-        groups.iter().enumerate().map(curve).collect()
+        groups.iter().zip(&names).enumerate().map(curve).collect()
     };
     let panels = vec![
         panel("final SAH cost", "SAH cost (no unit)", curves(final_cost), Axis::around),
@@ -65,7 +65,7 @@ fn groups(scene: &SceneComparison) -> Vec<Group<'_>> {
     groups
 }
 
-fn name(run: &OptimizerRun, all: &[&OptimizerRun], with_device: bool) -> String {
+fn name(run: &OptimizerRun, all: &[&OptimizerRun]) -> String {
     let mut name = run.method.clone();
     if all.iter().any(|other| other.strategy != run.strategy) {
         name = format!("{name} {}", run.strategy);
@@ -73,7 +73,7 @@ fn name(run: &OptimizerRun, all: &[&OptimizerRun], with_device: bool) -> String 
     if all.iter().any(|other| other.initial != run.initial) {
         name = format!("{name} from {}", run.initial);
     }
-    runs::with_device_name(name, run, with_device)
+    name
 }
 
 fn final_cost(run: &OptimizerRun) -> f64 {

@@ -87,7 +87,7 @@ pub fn overview(comparison: &Comparison) -> Result<Option<Figure>, PlotError> {
     let ratios = || curves.iter().flat_map(|curve| &curve.points).map(|point| point.x);
     let tick = |(k, method): (usize, &&MethodOverview)| Tick {
         at: height_of(k),
-        text: format!("{}   {:.3}", format::shortened(&method.name, 34), method.mean.unwrap_or(f64::NAN)),
+        text: format!("{}:\u{2002}{:.3}", format::shortened(&method.name, 34), method.mean.unwrap_or(f64::NAN)),
     };
     let rows = methods.len() as f64;
     let panel = Panel {

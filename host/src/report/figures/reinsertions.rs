@@ -44,8 +44,8 @@ pub(super) fn figure(scene: &SceneComparison) -> Result<Option<Figure>, PlotErro
     };
     let chart = Chart {
         name: "reinsertions",
-        heading: format!("Reinsertions per iteration, {}", runs::name(run, true)),
-        subject: runs::subject(scene),
+        heading: format!("Reinsertions per iteration, {}", runs::method(&run.method, Some(run.mu))),
+        subject: format!("{}, {}", runs::subject(scene), run.device),
         caption: "Reinsertions that the search found, those of them that owned all the locks they need, and those that were made. They rise \
                   where µ shrinks, as more nodes are searched."
             .to_owned(),

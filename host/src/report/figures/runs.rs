@@ -20,19 +20,21 @@ pub(super) fn method(method: &str, mu: Option<u32>) -> String {
     }
 }
 
-/// Whether the runs are of several devices, so that names must tell them.
-pub(super) fn devices_differ(runs: &[&OptimizerRun]) -> bool {
-    runs.windows(2).any(|pair| pair[0].device != pair[1].device)
+/// Names of runs among one another: what `what` says, and the device where that would be the name of runs of several.
+pub(super) fn names(runs: &[&OptimizerRun], what: impl Fn(&OptimizerRun) -> String) -> Vec<String> {
+    let plain: Vec<String> = runs.iter().map(|run| what(run)).collect();
+    let name = |(run, name): (&&OptimizerRun, &String)| {
+        let mut others = runs.iter().zip(&plain);
+        let twice = others.any(|(other, other_name)| other_name == name && other.device != run.device);
+        if twice { format!("{name}, {}", short_device(&run.device)) } else { name.clone() }
+    };
+    runs.iter().zip(&plain).map(name).collect()
 }
 
-/// Name of a run among others; the device only where they differ.
-pub(super) fn name(run: &OptimizerRun, with_device: bool) -> String {
-    with_device_name(method(&run.method, Some(run.mu)), run, with_device)
-}
-
-/// The name, and the device in parentheses.
-pub(super) fn with_device_name(name: String, run: &OptimizerRun, with_device: bool) -> String {
-    if with_device { format!("{name} ({})", format::shortened(&run.device, 14)) } else { name }
+/// A device's name without what drivers add to it: `llvmpipe (LLVM 19.1.7, 256 bits)` is `llvmpipe`.
+fn short_device(name: &str) -> String {
+    let start = name.split(" (").next().filter(|start| !start.is_empty()).unwrap_or(name);
+    format::shortened(start, 18)
 }
 
 /// Seconds from triangles to the end of the row.
@@ -78,4 +80,59 @@ pub(super) fn counterparts<'a, S: PartialEq, D: PartialEq>(
         }
     }
     runs.windows(2).any(|pair| differs(pair[0]) != differs(pair[1])).then_some(runs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(purpose: Purpose, initial: &str, mu: u32, device: &str) -> OptimizerRun {
+        OptimizerRun {
+            method: "prbvh".to_owned(),
+            purpose,
+            initial: initial.to_owned(),
+            strategy: "aggressive".to_owned(),
+            mu,
+            device: device.to_owned(),
+            build_s: 0.5,
+            rows: vec![IterationRow::default()],
+            phases: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn devices_are_named_where_they_tell_runs_apart() {
+        let runs = [run(Purpose::Table, "lbvh", 1, "llvmpipe (LLVM 19)"), run(Purpose::Table, "lbvh", 9, "cpu")];
+        let name = |run: &OptimizerRun| method(&run.method, Some(run.mu));
+        assert_eq!(names(&[&runs[0], &runs[1]], name), ["prbvh µ = 1", "prbvh µ = 9"]);
+        let same = |_: &OptimizerRun| "prbvh".to_owned();
+        assert_eq!(names(&[&runs[0], &runs[1]], same), ["prbvh, llvmpipe", "prbvh, cpu"]);
+    }
+
+    #[test]
+    fn counterparts_come_from_the_table() {
+        let scene = |runs| SceneComparison {
+            name: String::new(),
+            hash: String::new(),
+            triangles: 1,
+            rows: Vec::new(),
+            runs,
+            pictures: Vec::new(),
+        };
+        let found = |runs| {
+            let scene = scene(runs);
+            let same = |run: &OptimizerRun| (run.mu, run.device.clone());
+            let found = counterparts(&scene, Purpose::Initial, same, |run| run.initial.clone());
+            found.map(|runs| runs.iter().map(|run| run.initial.clone()).collect::<Vec<_>>())
+        };
+        let ploc = run(Purpose::Initial, "ploc", 9, "gpu");
+        let lbvh = run(Purpose::Table, "lbvh", 9, "gpu");
+        assert_eq!(found(vec![lbvh.clone(), ploc.clone()]).unwrap(), ["ploc", "lbvh"]);
+        assert_eq!(found(vec![ploc.clone()]), None);
+        assert_eq!(found(vec![lbvh.clone()]), None);
+        // Of another µ or device, or there already.
+        assert_eq!(found(vec![ploc.clone(), run(Purpose::Table, "lbvh", 1, "gpu")]), None);
+        assert_eq!(found(vec![ploc.clone(), run(Purpose::Table, "lbvh", 9, "cpu")]), None);
+        assert_eq!(found(vec![ploc.clone(), run(Purpose::Table, "ploc", 9, "gpu"), lbvh]).unwrap(), ["ploc", "lbvh"]);
+    }
 }

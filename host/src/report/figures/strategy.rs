@@ -22,21 +22,17 @@ pub(super) fn figure(scene: &SceneComparison) -> Result<Option<Figure>, PlotErro
         note: String::new(),
         height: 640,
         columns: &runs::COLUMNS,
-        panels: panels(&runs, |run| run.strategy.clone()),
+        panels: panels(&runs),
     };
     chart.draw()
 }
 
 /// Cost against time on the left and against iteration on the right.
-fn panels(runs: &[&OptimizerRun], what: impl Fn(&OptimizerRun) -> String) -> Vec<Panel> {
-    let with_device = runs::devices_differ(runs);
+fn panels(runs: &[&OptimizerRun]) -> Vec<Panel> {
     let several_mu = runs.windows(2).any(|pair| pair[0].mu != pair[1].mu);
+    let names = runs::names(runs, |run| runs::method(&run.strategy, several_mu.then_some(run.mu)));
     let curves = |x: fn(&OptimizerRun, &IterationRow) -> f64| -> Vec<Curve> {
-        let name = |run: &OptimizerRun| {
-            let name = runs::method(&what(run), several_mu.then_some(run.mu));
-            runs::with_device_name(name, run, with_device)
-        };
-        runs.iter().enumerate().map(|(k, run)| runs::curve(run, name(run), k, x)).collect()
+        runs.iter().zip(&names).enumerate().map(|(k, (run, name))| runs::curve(run, name.clone(), k, x)).collect()
     };
     let panel = |heading: &str, x_title: &str, curves: Vec<Curve>, x_axis: fn(std::vec::IntoIter<f64>) -> Axis| {
         let points = || curves.iter().flat_map(|curve| &curve.points);
