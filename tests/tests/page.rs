@@ -162,7 +162,7 @@ fn everything_is_there_without_scripts() {
     assert_eq!(html.matches("<svg ").count(), 3 * FIGURES + 1);
     assert_eq!(html.matches("<img ").count(), 3 * PICTURES);
     for text in [
-        "conference room.obj.xz&#39; --mu 1,4,9 --out report",
+        "conference room.obj.xz&#39; --mu &#39;1,4,9&#39; --out report",
         "AMD EPYC 7763 64-Core Processor",
         "commit <code>4c56fef</code>",
         "llvmpipe (LLVM 19.1.7, 256 bits)",

@@ -28,7 +28,7 @@ pub(super) fn figure(scene: &SceneComparison) -> Result<Option<Figure>, PlotErro
     // Optimisers and builders have different kernels: each kind for itself.
     let (optimisers, builders): (Vec<_>, Vec<_>) = named.into_iter().partition(|(run, _)| run.rows.len() > 1);
     let blocks = [optimisers, builders];
-    let blocks = blocks.iter().flat_map(|runs| runs.chunks(COLUMNS)).map(|runs| block(runs)).collect();
+    let blocks = blocks.iter().flat_map(|runs| runs.chunks(COLUMNS)).map(block).collect();
     let bars = Bars {
         name: "kernels",
         heading: "Device time per kernel".to_owned(),

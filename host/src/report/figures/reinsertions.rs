@@ -8,6 +8,8 @@ use crate::optimize::IterationRow;
 use crate::report::axis::Axis;
 use crate::report::plot::PlotError;
 
+type Count = fn(&IterationRow) -> u32;
+
 pub(super) fn figure(scene: &SceneComparison) -> Result<Option<Figure>, PlotError> {
     // Row 0 is the initial tree, for which nothing was searched; of a builder there is nothing else.
     let searched = |run: &&OptimizerRun| run.rows.iter().skip(1).any(|row| row.found > 0);
@@ -17,7 +19,7 @@ pub(super) fn figure(scene: &SceneComparison) -> Result<Option<Figure>, PlotErro
         runs.reduce(|best, run| if run.mu > best.mu { run } else { best })
     };
     let Some(run) = largest(Purpose::Table).or_else(|| largest(Purpose::Strategy)) else { return Ok(None) };
-    let kinds: [(&str, fn(&IterationRow) -> u32); 3] =
+    let kinds: [(&str, Count); 3] =
         [("found", |row| row.found), ("owned all locks", |row| row.owned), ("applied", |row| row.applied)];
     let rows = || run.rows.iter().filter(|row| row.iteration > 0);
     let point = |row: &IterationRow, count: u32| Point {

@@ -1,20 +1,10 @@
 //! A real browser without a window, for pages.
 
+mod places;
+
 use crate::command;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-
-/// Programs of Chromium's family, by name.
-const NAMES: [&str; 8] = [
-    "chromium",
-    "chromium-browser",
-    "google-chrome",
-    "google-chrome-stable",
-    "chrome",
-    "microsoft-edge",
-    "brave-browser",
-    "msedge",
-];
 
 /// A browser of Chromium's family.
 #[derive(Clone, Debug)]
@@ -54,13 +44,9 @@ impl Browser {
             eprintln!("not run in a browser (PRBVH_WITHOUT_BROWSER=1): {test}");
             return None;
         }
-        if let Some(program) = std::env::var_os("CHROME").filter(|program| !program.is_empty()) {
-            return Some(Self { program: program.into() });
-        }
-        let program = places().find(|place| place.is_file());
-        let program = program.unwrap_or_else(|| {
+        let program = places::browser().unwrap_or_else(|| {
             panic!(
-                "no browser: `cargo xtask setup` installs Debian's chromium; else set CHROME to one of Chromium's family.\n\
+                "no browser: `cargo xtask setup` installs Debian's chromium where it may; else set CHROME to one of Chromium's family.\n\
                  To test without a browser set PRBVH_WITHOUT_BROWSER=1."
             )
         });
@@ -107,26 +93,6 @@ impl Browser {
             .arg(file_url(page));
         command::start(&mut command).wait().ok()
     }
-}
-
-/// Where a browser may be, in order.
-fn places() -> impl Iterator<Item = PathBuf> {
-    let file = |name: &str| format!("{name}{}", std::env::consts::EXE_SUFFIX);
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    let folders: Vec<PathBuf> = std::env::split_paths(&path).collect();
-    let on_path = NAMES.into_iter().flat_map(move |name| {
-        let file = file(name);
-        folders.iter().map(|folder| folder.join(&file)).collect::<Vec<_>>()
-    });
-    let windows = ["ProgramFiles", "ProgramFiles(x86)", "LOCALAPPDATA"].into_iter().filter_map(std::env::var_os);
-    let windows = windows.flat_map(|folder| {
-        let inside = ["Google/Chrome/Application/chrome.exe", "Microsoft/Edge/Application/msedge.exe"];
-        inside.map(|file| Path::new(&folder).join(file))
-    });
-    let mac = ["Google Chrome", "Chromium", "Microsoft Edge"].into_iter().map(|name| {
-        Path::new("/").join("Applications").join(format!("{name}.app")).join("Contents").join("MacOS").join(name)
-    });
-    on_path.chain(windows).chain(mac)
 }
 
 fn file_url(path: &Path) -> String {
