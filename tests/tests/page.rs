@@ -65,6 +65,8 @@ fn requests(html: &str) -> Vec<&str> {
 fn ten_scenes_by_twelve_methods_work_in_a_browser() {
     let Some(browser) = Browser::find() else { return };
     let page = Page::new(&made_up::comparison(10));
+    // For a look at it, in target/tmp.
+    page::write(&made_up::comparison(10), &Path::new(env!("CARGO_TARGET_TMPDIR")).join("page")).unwrap();
     assert_eq!(requests(&page.html), [""; 0]);
     assert!(page.html.len() < 5 << 20, "{} bytes", page.html.len());
     for view in [DESK, View { width: 500, height: 900, dark: true }] {

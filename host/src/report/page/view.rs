@@ -221,7 +221,7 @@ mod tests {
     #[test]
     fn the_command_can_be_pasted() {
         let command = |words: &[&str]| command(&words.iter().map(|&word| word.to_owned()).collect::<Vec<_>>());
-        assert_eq!(command(&["prbvh", "compare", "a b.obj", "--mu", "1,4"]), "prbvh compare 'a b.obj' --mu 1,4");
+        assert_eq!(command(&["prbvh", "compare", "a b.obj", "--mu", "1,4"]), "prbvh compare 'a b.obj' --mu '1,4'");
         let hostile = ["it's", "$(rm x)", "", "a\nb", "ü", "`x`", "!!"];
         assert_eq!(shlex::split(&command(&hostile)).unwrap(), hostile);
     }
