@@ -2,7 +2,7 @@
 
 /// Pixels between a point and its name.
 const GAP: f64 = 12.0;
-/// Farther than this a line leads to the name.
+/// Farther than this a line leads to the name, and always to one above or below its point.
 const LEADER: f64 = 22.0;
 /// Side of a cell in which ink is counted, pixels.
 const CELL: f64 = 6.0;
@@ -36,7 +36,7 @@ impl Rect {
 pub(super) struct Placed {
     /// Its rectangle.
     pub(super) rect: Rect,
-    /// End of the line that leads to it, if it is far from its point.
+    /// End of the line that leads to it, unless it stands right beside its point.
     pub(super) leader: Option<(f64, f64)>,
 }
 
@@ -94,7 +94,7 @@ impl Labels {
                 }
                 let end = rect.nearest(x, y);
                 let distance = (end.0 - x).hypot(end.1 - y);
-                let leader = (distance > LEADER).then_some(end);
+                let leader = (distance > LEADER || end.1 != y).then_some(end);
                 let leads = [(x, y), end];
                 let crossings = if leader.is_some() { self.crossings(&leads) } else { 0 };
                 let over = self.leaders.iter().filter(|line| meets_line(&rect, line)).count();

@@ -14,8 +14,8 @@ pub(super) const LIST: u32 = 300;
 const NAME: usize = 30;
 /// Pixels from a name of the list to the next.
 const LIST_STEP: f64 = 30.0;
-/// Room of the mark before a name, pixels.
-const MARK: f64 = 20.0;
+/// Half a mark, pixels.
+const MARK: f64 = 6.0;
 
 /// A curve's drawn points with their indices.
 struct Drawn<'a> {
@@ -90,28 +90,30 @@ fn beside(drawn: &[Drawn<'_>], place: &Place, out: &mut String) {
     for Drawn { curve, points, .. } in drawn {
         let Some(&(x, y)) = points.last() else { continue };
         let name = format::shortened(&curve.name, NAME);
-        let width = name.chars().count() as f64 * Font::TEXT.advance() + MARK;
+        let width = name.chars().count() as f64 * Font::TEXT.advance() + 4.0;
         let height = 1.25 * Font::TEXT.pixels();
         // Without room on the page the name is in the title of the curve alone.
         let Some(placed) = labels.place((x, y), width, height) else { continue };
-        if let Some((to_x, to_y)) = placed.leader {
-            let colour = curve.style.colour();
-            let _ = write!(
-                out,
-                "\n<line x1=\"{x:.1}\" y1=\"{y:.1}\" x2=\"{to_x:.1}\" y2=\"{to_y:.1}\" stroke=\"{colour}\" stroke-width=\"1\"/>"
-            );
+        if let Some(to) = placed.leader {
+            leader(out, (x, y), to, curve.style.colour());
         }
-        // A mark leads the name, as a key does, unless the only mark of the curve is beside it anyway.
-        let room = if points.len() > 1 || placed.leader.is_some() { MARK } else { 0.0 };
         let middle = 0.5 * (placed.rect.y0 + placed.rect.y1);
         // On the side of the point, where it does not matter that the width was guessed.
-        let (anchor, edge, side) =
-            if placed.rect.x1 <= x { ("end", placed.rect.x1, -1.0) } else { ("start", placed.rect.x0, 1.0) };
-        text(out, &name, edge + side * room, middle, anchor, curve.style.colour());
-        if room > 0.0 {
-            curve.style.mark(out, edge + side * 0.45 * room, middle, 5.0);
-        }
+        let (anchor, edge) = if placed.rect.x1 <= x { ("end", placed.rect.x1) } else { ("start", placed.rect.x0) };
+        text(out, &name, edge, middle, anchor, curve.style.colour());
     }
+}
+
+/// A thin line from the edge of the mark at `from`.
+fn leader(out: &mut String, from: (f64, f64), to: (f64, f64), colour: &str) {
+    let length = (to.0 - from.0).hypot(to.1 - from.1).max(1.0);
+    let start = (MARK / length).min(1.0);
+    let (x, y) = (from.0 + start * (to.0 - from.0), from.1 + start * (to.1 - from.1));
+    let _ = write!(
+        out,
+        "\n<line x1=\"{x:.1}\" y1=\"{y:.1}\" x2=\"{:.1}\" y2=\"{:.1}\" stroke=\"{colour}\" stroke-width=\"1.5\"/>",
+        to.0, to.1
+    );
 }
 
 fn listed(drawn: &[Drawn<'_>], place: &Place, out: &mut String) {
