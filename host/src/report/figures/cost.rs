@@ -1,4 +1,4 @@
-//! Cost against time, a curve per method: Meister & Bittner 2018, figure 5.
+//! Cost against time, a curve per method, as in Meister & Bittner 2018.
 
 use super::Figure;
 use super::chart::{Chart, Names, Panel};

@@ -1,4 +1,4 @@
-//! The same optimisation from different initial trees: Meister & Bittner 2018, figure 7.
+//! The same optimisation from different initial trees, as in Meister & Bittner 2018.
 
 use super::chart::{Chart, Names, Panel};
 use super::{Figure, runs};

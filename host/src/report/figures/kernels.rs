@@ -1,4 +1,4 @@
-//! Device time per kernel, a column of bars per run: Meister & Bittner 2018, figure 8 (bottom) for any device.
+//! Device time per kernel, a column of bars per run.
 
 use super::bars::{Bar, Bars, Column};
 use super::{Figure, Value, runs};

@@ -1,4 +1,4 @@
-//! The figures of a comparison as SVG: Meister & Bittner 2018, figures 4 to 8, for any scene.
+//! The figures of a comparison as SVG: those of Meister & Bittner 2018, for any scene.
 //!
 //! All are readable in black and white: dashes, marks and names beside the curves; colour is only added.
 

@@ -1,4 +1,4 @@
-//! Influence of µ on cost and time: Meister & Bittner 2018, figure 6.
+//! Influence of µ on cost and time, as in Meister & Bittner 2018.
 
 use super::chart::{Chart, Curve, Names, Panel, Point};
 use super::style::Style;

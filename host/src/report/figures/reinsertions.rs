@@ -1,4 +1,4 @@
-//! Reinsertions found, owned and applied per iteration: Meister & Bittner 2018, figure 8.
+//! Reinsertions found, owned and applied per iteration, as in Meister & Bittner 2018.
 
 use super::chart::{Chart, Curve, Names, Panel, Point};
 use super::style::Style;

@@ -1,4 +1,4 @@
-//! Aggressive against conservative: Meister & Bittner 2018, §4.3 and figure 4.
+//! Aggressive against conservative: the strategies of Meister & Bittner 2018, §4.3.
 
 use super::chart::{Chart, Curve, Names, Panel};
 use super::{Figure, runs};
