@@ -9,8 +9,11 @@ use anyhow::Context;
 use prbvh::compare::peers::{self, ServeError};
 use prbvh::compare::{self, CompareSettings, Comparison, MethodRow, NOT_RUN, PeerHost, Step};
 use prbvh::device::{self, Device, DeviceChoice, vulkan};
+use prbvh::report::page;
+use prbvh::report::write::WriteError;
 use prbvh::scene::Scene;
 use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -21,7 +24,7 @@ pub(super) fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<ExitCode> {
     let jobs = compare::jobs(&args.methods, &args.methods()).map_err(with_hint)?;
     let interrupt = Interrupt::listen();
     let mut devices = open(args)?;
-    let triangles = |path| args.triangles.filter(|_| path == std::path::Path::new(super::BUILT_IN));
+    let triangles = |path| args.triangles.filter(|_| path == Path::new(super::BUILT_IN));
     anyhow::ensure!(
         args.triangles.is_none() || args.scenes.iter().any(|path| triangles(path).is_some()),
         "--triangles is for the built-in scene, which is not among those to compare"
@@ -56,7 +59,7 @@ pub(super) fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<ExitCode> {
     if interrupt.pressed() {
         tracing::warn!("interrupted: what was measured before is all there is");
     }
-    let written = args.out.as_deref().map_or(Ok(Vec::new()), |folder| comparison.write(folder));
+    let written = args.out.as_deref().map_or(Ok(Vec::new()), |folder| write(&comparison, folder));
     if args.json {
         print(&rows_as_json(&comparison).context("rows as JSON")?);
     } else {
@@ -68,6 +71,13 @@ pub(super) fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<ExitCode> {
     }
     let is_well = comparison.rows().all(|row| row.status == "ok" || row.status == NOT_RUN);
     Ok(if is_well { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// The numbers first: the page is made of them.
+fn write(comparison: &Comparison, folder: &Path) -> Result<Vec<PathBuf>, WriteError> {
+    let mut paths = comparison.write(folder)?;
+    paths.extend(page::write(comparison, folder)?);
+    Ok(paths)
 }
 
 /// Runs another library; the comparison reads the file that it leaves, or its last words.
