@@ -104,7 +104,7 @@ pub fn overview(comparison: &Comparison) -> Result<Option<Figure>, PlotError> {
     let chart = Chart {
         name: "overview",
         heading: "SAH cost relative to LBVH".to_owned(),
-        subject: format!("{} scenes; the number after a method is its geometric mean", overview.scenes.len()),
+        subject: format!("scenes: {}; the number after a method is its geometric mean", overview.scenes.len()),
         caption: "Every mark is a scene: the cost of the method's tree with one triangle per leaf, divided by that of LBVH. Further left is \
                   better."
             .to_owned(),

@@ -16,8 +16,9 @@ pub(super) fn figure(scene: &SceneComparison) -> Result<Option<Figure>, PlotErro
         name: "strategy",
         heading: "Aggressive against conservative locking".to_owned(),
         subject: runs::subject(scene),
-        caption: "The conservative strategy locks the whole path of a reinsertion, the aggressive one only the nodes at its ends: it makes \
-                  more of them per iteration, and its cost may rise for an iteration. The same runs against time and against iteration."
+        caption: "The conservative strategy also locks the nodes whose boxes a reinsertion changes: the decreases of all that it makes add \
+                  up. The aggressive one locks the nodes at both ends only: it makes more of them per iteration, and its cost may rise \
+                  for an iteration. The same runs against time and against iteration."
             .to_owned(),
         note: String::new(),
         height: 640,
