@@ -1,6 +1,7 @@
 //! What the command line can say.
 
 use super::leaves::LeavesArgs;
+use super::optimizer::OptimizerArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use prbvh::build::{DEFAULT_RADIUS, MortonBits};
@@ -61,9 +62,11 @@ pub(super) struct OptimizeArgs {
     /// When a reinsertion may run beside others.
     #[arg(long, value_enum, default_value_t)]
     pub(super) strategy: StrategyArg,
-    /// Search every µ-th node in an iteration; falls to 1 as the cost settles.
-    #[arg(long, default_value_t = PrbvhSettings::default().mu, value_name = "µ", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
-    pub(super) mu: u32,
+    #[command(flatten)]
+    pub(super) optimizer: OptimizerArgs,
+    /// Search every µ-th node in an iteration; falls to 1 as the cost settles [default: 9].
+    #[arg(long, value_name = "µ", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    pub(super) mu: Option<u32>,
     /// Change of the cost that counts as none, as a part of the initial cost [default: 0.0001].
     #[arg(long, value_name = "PART", value_parser = not_negative, allow_negative_numbers = true)]
     pub(super) epsilon: Option<f64>,
@@ -73,9 +76,9 @@ pub(super) struct OptimizeArgs {
     /// Start no iteration after this many seconds.
     #[arg(long, value_name = "SECONDS", value_parser = not_negative, allow_negative_numbers = true)]
     pub(super) max_time: Option<f64>,
-    /// Most iterations.
-    #[arg(long, default_value_t = PrbvhSettings::default().max_iterations, value_name = "N", allow_negative_numbers = true)]
-    pub(super) max_iterations: u32,
+    /// Most iterations, which are batches of RBVH [default: 1000; RBVH: 100000].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) max_iterations: Option<u32>,
     #[command(flatten)]
     pub(super) leaves: LeavesArgs,
     /// auto, cpu, vulkan or vulkan:N.
@@ -119,7 +122,9 @@ impl OptimizeArgs {
             (Some(part), None) => Epsilon::Relative(part),
             (None, None) => defaults.epsilon,
         };
+        let max_time = self.max_time.map(|seconds| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX));
         Ok(Settings {
+            optimizer: self.optimizer.settings(self, max_time)?,
             initial: self.initial()?,
             morton_bits: match self.morton_bits {
                 MortonBitsArg::Thirty => MortonBits::Thirty,
@@ -129,10 +134,10 @@ impl OptimizeArgs {
                 StrategyArg::Aggressive => Strategy::Aggressive,
             },
             prbvh: PrbvhSettings {
-                mu: self.mu,
+                mu: self.mu.unwrap_or(defaults.mu),
                 epsilon,
-                max_iterations: self.max_iterations,
-                max_time: self.max_time.map(|seconds| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)),
+                max_iterations: self.max_iterations.unwrap_or(defaults.max_iterations),
+                max_time,
                 ..defaults
             },
             adaptive: self.leaves.settings(),
@@ -310,6 +315,8 @@ fn threads(text: &str) -> Result<usize, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use prbvh::optimize::RbvhSettings;
+    use prbvh::pipeline::Optimizer;
 
     fn settings(arguments: &str) -> Result<Settings, String> {
         let arguments = ["prbvh", "optimize"].into_iter().chain(arguments.split_whitespace());
@@ -336,6 +343,38 @@ mod tests {
     }
 
     #[test]
+    fn an_optimizer_takes_its_own_settings_only() {
+        let optimizer = |arguments: &str| settings(arguments).map(|settings| settings.optimizer);
+        assert_eq!(optimizer(""), Ok(Optimizer::Prbvh));
+        assert_eq!(optimizer("--optimizer prbvh --mu 4 --epsilon 0"), Ok(Optimizer::Prbvh));
+        assert_eq!(optimizer("--optimizer none"), Ok(Optimizer::None));
+        assert_eq!(optimizer("--optimizer rbvh"), Ok(Optimizer::Rbvh(RbvhSettings::default())));
+        let expected = RbvhSettings {
+            batch: 0.5,
+            seed: 7,
+            max_iterations: 3,
+            max_time: Some(Duration::from_secs(2)),
+            ..RbvhSettings::default()
+        };
+        let arguments = "--optimizer rbvh --batch 0.5 --seed 7 --max-iterations 3 --max-time 2";
+        assert_eq!(optimizer(arguments), Ok(Optimizer::Rbvh(expected)));
+        for (arguments, part) in [
+            ("--optimizer rbvh --mu 9", "--mu is for --optimizer prbvh, not for rbvh"),
+            ("--optimizer none --epsilon 0.1", "--epsilon is for --optimizer prbvh, not for none"),
+            ("--optimizer rbvh --epsilon-absolute 0.1", "--epsilon-absolute is for --optimizer prbvh"),
+            ("--batch 0.1", "--batch is for --optimizer rbvh, not for prbvh"),
+            ("--optimizer none --seed 1", "--seed is for --optimizer rbvh, not for none"),
+            ("--optimizer rbvh --batch 0", "above 0 and at most 1"),
+            ("--optimizer rbvh --batch 1.5", "above 0 and at most 1"),
+            ("--optimizer rbvh --batch nan", "above 0 and at most 1"),
+            ("--optimizer sah", "rbvh"),
+        ] {
+            let error = optimizer(arguments).unwrap_err();
+            assert!(error.contains(part), "{arguments}: {error}");
+        }
+    }
+
+    #[test]
     fn what_is_no_initial_tree_is_refused() {
         for (arguments, part) in [
             ("--initial sbvh", "sah-binned"),
@@ -351,10 +390,14 @@ mod tests {
     }
 
     #[test]
-    fn the_help_names_the_default_radius() {
+    fn the_help_names_the_defaults() {
         use clap::CommandFactory;
         let mut command = Cli::command();
         let help = command.find_subcommand_mut("optimize").unwrap().render_long_help().to_string();
         assert!(help.contains(&format!("[default: {DEFAULT_RADIUS}]")), "{help}");
+        let (prbvh, rbvh) = (PrbvhSettings::default(), RbvhSettings::default());
+        assert!(help.contains(&format!("[default: {}]", prbvh.mu)), "{help}");
+        let most = format!("[default: {}; RBVH: {}]", prbvh.max_iterations, rbvh.max_iterations);
+        assert!(help.contains(&most), "{help}");
     }
 }

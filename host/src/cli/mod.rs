@@ -6,6 +6,7 @@ mod interrupt;
 mod leaves;
 mod log;
 mod optimize;
+mod optimizer;
 mod render;
 mod stats;
 

@@ -1,0 +1,72 @@
+//! The arguments that choose the optimiser.
+
+use super::args::OptimizeArgs;
+use clap::{Args, ValueEnum};
+use prbvh::optimize::RbvhSettings;
+use prbvh::pipeline::Optimizer;
+use std::time::Duration;
+
+/// The optimiser, and what RBVH alone needs.
+#[derive(Clone, Debug, Args)]
+pub(super) struct OptimizerArgs {
+    /// prbvh: parallel, on the device; rbvh: Bittner, Hapala & Havran 2013, on one thread; none: the initial tree as it is.
+    #[arg(long, value_enum, default_value_t)]
+    optimizer: OptimizerArg,
+    /// Part of the nodes that a batch of RBVH reinserts [default: 0.01].
+    #[arg(long, value_name = "PART", value_parser = part, allow_negative_numbers = true)]
+    batch: Option<f64>,
+    /// Seed of the nodes that RBVH picks at random [default: 1].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    seed: Option<u64>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum OptimizerArg {
+    #[default]
+    Prbvh,
+    Rbvh,
+    None,
+}
+
+impl OptimizerArgs {
+    /// The optimiser that the arguments say.
+    ///
+    /// # Errors
+    /// If a setting is for another one.
+    pub(super) fn settings(&self, args: &OptimizeArgs, max_time: Option<Duration>) -> anyhow::Result<Optimizer> {
+        let defaults = RbvhSettings::default();
+        let chosen = match self.optimizer {
+            OptimizerArg::Prbvh => Optimizer::Prbvh,
+            OptimizerArg::None => Optimizer::None,
+            OptimizerArg::Rbvh => Optimizer::Rbvh(RbvhSettings {
+                batch: self.batch.unwrap_or(defaults.batch),
+                max_iterations: args.max_iterations.unwrap_or(defaults.max_iterations),
+                max_time,
+                seed: self.seed.unwrap_or(defaults.seed),
+                ..defaults
+            }),
+        };
+        let prbvh = [
+            ("--mu", args.mu.is_some()),
+            ("--epsilon", args.epsilon.is_some()),
+            ("--epsilon-absolute", args.epsilon_absolute.is_some()),
+        ];
+        let rbvh = [("--batch", self.batch.is_some()), ("--seed", self.seed.is_some())];
+        for (name, own, settings) in
+            [("prbvh", OptimizerArg::Prbvh, &prbvh[..]), ("rbvh", OptimizerArg::Rbvh, &rbvh[..])]
+        {
+            let foreign = settings.iter().find(|(_, is_set)| *is_set && self.optimizer != own);
+            if let Some((argument, _)) = foreign {
+                anyhow::bail!("{argument} is for --optimizer {name}, not for {chosen}");
+            }
+        }
+        Ok(chosen)
+    }
+}
+
+fn part(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(part) if part > 0.0 && part <= 1.0 => Ok(part),
+        _ => Err("not a number above 0 and at most 1".to_owned()),
+    }
+}
