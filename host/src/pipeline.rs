@@ -3,7 +3,7 @@
 use crate::build::{self, DeviceTree, MortonBits, TreeOfFileError};
 use crate::bvh::{self, Bvh, Quality, SahModel, TreeFault};
 use crate::collapse::{CollapseError, CollapseSettings, collapse};
-use crate::device::{Device, DeviceError, DeviceInfo, Timing};
+use crate::device::{Device, DeviceError, DeviceInfo, Timing, on_host};
 use crate::optimize::{IterationRow, Outcome, PrbvhSettings, RbvhSettings, StopReason, prbvh, rbvh};
 use crate::scene::{SafeRange, Scene};
 use prbvh_kernel::node::Node;
@@ -165,8 +165,7 @@ pub fn optimize(
     observe: &mut dyn FnMut(&IterationRow) -> ControlFlow<()>,
 ) -> Result<Optimized, PipelineError> {
     build::check_limits(device.info(), scene.triangles.len())?;
-    let range = SafeRange::of(&scene.triangles);
-    let working = range.apply(&scene.triangles);
+    let working = on_host(device, || SafeRange::of(&scene.triangles).apply(&scene.triangles));
 
     let start = Instant::now();
     let (tree, build_timings) = initial_tree(scene, &working, device, settings)?;
@@ -253,8 +252,8 @@ fn initial_tree(
             let (tree, timings, _) = build::ploc(device, working, settings.morton_bits, *radius)?;
             return Ok((tree, timings));
         }
-        Initial::SahSweep => ("sah sweep", build::sah_sweep(working)),
-        Initial::SahBinned => ("sah binned", build::sah_binned(working)),
+        Initial::SahSweep => ("sah sweep", on_host(device, || build::sah_sweep(working))),
+        Initial::SahBinned => ("sah binned", on_host(device, || build::sah_binned(working))),
         Initial::File(path) => ("read tree", build::from_file(path, scene, working)?),
     };
     let timing = Timing { label, seconds: start.elapsed().as_secs_f64() };

@@ -84,7 +84,7 @@ pub(super) struct OptimizeArgs {
     /// auto, cpu, vulkan or vulkan:N.
     #[arg(long, default_value_t, value_name = "DEVICE")]
     pub(super) device: DeviceChoice,
-    /// Threads of the CPU device; 0 for one per core.
+    /// Threads of the CPU device, and of what the host does for it; 0 for one per core.
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads, allow_negative_numbers = true)]
     pub(super) threads: usize,
     /// Write report.json, iterations.csv, convergence.svg and tree.bvh to this folder.

@@ -1,6 +1,6 @@
 //! When to pick nodes at random, and when to stop.
 
-use super::super::StopReason;
+use super::super::{IterationRow, StopReason};
 use super::RbvhSettings;
 use std::time::Duration;
 
@@ -56,8 +56,14 @@ impl Schedule {
         }
     }
 
-    /// Takes note of the cost after a batch.
-    pub(super) fn note(&mut self, cost: f64) {
+    /// Takes note of a batch. `is_undone` says that what was not applied left no trace.
+    pub(super) fn note(&mut self, row: &IterationRow, is_undone: bool) {
+        let cost = row.cost;
+        if is_undone && row.applied == 0 && self.source() == Source::Worst {
+            // The tree is what it was: the batches up to the random one would all be this one again.
+            self.since_best = self.random_after.min(self.patience);
+            return;
+        }
         self.since_best += 1;
         // Not if it is no number.
         if cost < self.best * (1.0 - self.epsilon) {
@@ -71,29 +77,45 @@ impl Schedule {
 mod tests {
     use super::*;
 
+    fn row(cost: f64, applied: u32) -> IterationRow {
+        IterationRow { cost, found: 9, owned: 9, applied, ..IterationRow::default() }
+    }
+
     #[test]
     fn random_after_five_idle_batches_and_the_end_after_ten() {
         let mut rule = Schedule::new(&RbvhSettings::default(), 100.0);
         for idle in 1..=9 {
-            rule.note(100.0);
+            rule.note(&row(100.0, 1), false);
             assert_eq!(rule.source(), if idle < 5 { Source::Worst } else { Source::Random }, "{idle}");
             assert_eq!(rule.stop(idle, Duration::ZERO), None);
         }
-        rule.note(99.0);
+        rule.note(&row(99.0, 1), false);
         assert_eq!((rule.source(), rule.stop(10, Duration::ZERO)), (Source::Worst, None));
-        (0..10).for_each(|_| rule.note(99.5));
+        (0..10).for_each(|_| rule.note(&row(99.5, 1), false));
         assert_eq!(rule.stop(20, Duration::ZERO), Some(StopReason::Converged));
+    }
+
+    #[test]
+    fn a_batch_that_leaves_no_trace_is_not_repeated() {
+        let mut rule = Schedule::new(&RbvhSettings::default(), 100.0);
+        rule.note(&row(100.0, 0), true);
+        assert_eq!(rule.source(), Source::Random);
+        for _ in 0..5 {
+            assert_eq!(rule.stop(1, Duration::ZERO), None);
+            rule.note(&row(100.0, 0), true);
+        }
+        assert_eq!(rule.stop(6, Duration::ZERO), Some(StopReason::Converged));
     }
 
     #[test]
     fn an_improvement_within_epsilon_is_none() {
         let settings = RbvhSettings { epsilon: 1e-3, patience: 3, ..RbvhSettings::default() };
         let mut rule = Schedule::new(&settings, 100.0);
-        rule.note(99.8);
-        (1..=3).for_each(|k| rule.note(99.8 - 0.01 * f64::from(k)));
+        rule.note(&row(99.8, 1), true);
+        (1..=3).for_each(|k| rule.note(&row(99.8 - 0.01 * f64::from(k), 1), true));
         assert_eq!(rule.stop(4, Duration::ZERO), Some(StopReason::Converged));
         let mut rule = Schedule::new(&settings, 100.0);
-        (0..3).for_each(|_| rule.note(f64::NAN));
+        (0..3).for_each(|_| rule.note(&row(f64::NAN, 1), false));
         assert_eq!(rule.stop(3, Duration::ZERO), Some(StopReason::Converged));
     }
 

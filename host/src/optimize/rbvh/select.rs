@@ -1,10 +1,10 @@
 //! Which nodes to reinsert next (Bittner, Hapala & Havran 2013, the combined inefficiency measure).
 
-use super::tree::{RbvhTree, area};
+use super::tree::RbvhTree;
 use crate::bvh::ROOT;
 
-/// Area ratios beyond this count as this: a child may have no area at all.
-const LARGEST_RATIO: f64 = 1e6;
+/// A child of less area, as a part of the node's, counts as this: it may have none at all.
+const SMALLEST_PART: f32 = 1e-6;
 
 /// Fewest nodes of a batch, where the tree has so many: 1 % of a small tree is too few to tell that nothing is gained any more.
 const SMALLEST_BATCH: usize = 32;
@@ -18,6 +18,8 @@ pub(super) struct Selection {
     picked: Vec<bool>,
     /// Bits of the inefficiency, which is no negative number, above the complement of the id.
     keys: Vec<u64>,
+    /// An inefficiency that the next batch's nodes most likely have: saves most keys.
+    floor: f32,
     part: f64,
     random: u64,
 }
@@ -29,6 +31,7 @@ impl Selection {
             batch: Vec::new(),
             picked: vec![false; internal],
             keys: Vec::with_capacity(internal),
+            floor: 0.0,
             part,
             random: seed,
         }
@@ -37,18 +40,32 @@ impl Selection {
     /// Picks the most inefficient nodes, the worst first; of equally bad ones the one with the smaller number.
     pub(super) fn pick_worst(&mut self, tree: &RbvhTree) {
         self.forget();
-        self.keys.clear();
-        let scale = 1.0 / tree.root_area().max(f64::MIN_POSITIVE);
-        let eligible = (ROOT + 1..tree.internal()).filter(|&v| is_eligible(tree, v));
-        self.keys.extend(eligible.map(|v| key((inefficiency(tree, v) * scale) as f32, v)));
-        let count = self.count(self.keys.len());
+        let mut count = self.collect(tree, self.floor);
+        if self.keys.len() < count {
+            count = self.collect(tree, 0.0);
+        }
         if count < self.keys.len() {
             self.keys.select_nth_unstable_by(count, |a, b| b.cmp(a));
         }
         let worst = &mut self.keys[..count];
         worst.sort_unstable_by(|a, b| b.cmp(a));
+        self.floor = worst.last().map_or(0.0, |key| f32::from_bits((key >> 32) as u32) * 0.8);
         self.batch.extend(worst.iter().map(|&key| !(key as u32)));
         self.batch.iter().for_each(|&v| self.picked[v as usize] = true);
+    }
+
+    /// Collects the keys of the eligible nodes whose inefficiency is at least `floor`. Returns how many a batch takes.
+    fn collect(&mut self, tree: &RbvhTree, floor: f32) -> usize {
+        self.keys.clear();
+        let mut eligible = 0;
+        for v in (ROOT + 1..tree.internal()).filter(|&v| is_eligible(tree, v)) {
+            eligible += 1;
+            let inefficiency = inefficiency(tree, v);
+            if inefficiency >= floor {
+                self.keys.push(key(inefficiency, v));
+            }
+        }
+        self.count(eligible)
     }
 
     /// Picks as many nodes at random, all with the same chance.
@@ -110,11 +127,13 @@ fn is_eligible(tree: &RbvhTree, v: u32) -> bool {
 }
 
 /// `M_SUM · M_MIN · M_AREA`: area of the node over the mean and over the smaller of its children's areas, times its area.
-fn inefficiency(tree: &RbvhTree, v: u32) -> f64 {
-    let [left, right] = tree.node(v).children.map(|child| area(&tree.node(child).aabb));
-    let own = area(&tree.node(v).aabb);
-    let over = |part: f64| if own > 0.0 { own / part.max(own / LARGEST_RATIO) } else { 0.0 };
-    over(0.5 * (left + right)) * over(left.min(right)) * own
+fn inefficiency(tree: &RbvhTree, v: u32) -> f32 {
+    let own = tree.half_area(v);
+    if own <= 0.0 {
+        return 0.0;
+    }
+    let [left, right] = tree.node(v).children.map(|child| tree.half_area(child) / own);
+    own / ((0.5 * (left + right)).max(SMALLEST_PART) * left.min(right).max(SMALLEST_PART))
 }
 
 /// Orders by inefficiency, then the smaller number above the larger one.

@@ -10,6 +10,8 @@ pub struct RbvhTree {
     nodes: Vec<Branch>,
     /// Apart from the nodes, since a search never climbs.
     parents: Vec<u32>,
+    /// Half areas of the boxes, for the selection.
+    areas: Vec<f32>,
     /// Reference of each leaf.
     references: Vec<u32>,
     /// Sum of the half areas of the internal nodes.
@@ -17,6 +19,23 @@ pub struct RbvhTree {
     leaf_area: f64,
     /// Children that internal nodes had since [`Self::keep`], the latest last.
     journal: Vec<(u32, [u32; 2])>,
+    /// What was before each change since [`Self::begin`], the latest last.
+    changes: Vec<Change>,
+}
+
+/// A change to be taken back.
+#[derive(Clone, Copy, Debug)]
+enum Change {
+    Branch(u32, Branch),
+    Parent(u32, u32),
+}
+
+/// The tree at a time, for [`RbvhTree::undo`].
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Mark {
+    journal: usize,
+    /// Before the changes.
+    pub(super) internal_area: f64,
 }
 
 /// A node as a search reads it, 32 bytes.
@@ -46,10 +65,12 @@ impl RbvhTree {
         let mut tree = Self {
             nodes: bvh.nodes.iter().map(branch).collect(),
             parents: bvh.nodes.iter().map(|node| node.parent).collect(),
+            areas: bvh.nodes.iter().map(|node| node.aabb.half_area()).collect(),
             references: bvh.triangle_order,
             internal_area: 0.0,
             leaf_area: 0.0,
             journal: Vec::new(),
+            changes: Vec::new(),
         };
         tree.refit_all();
         let leaves = &tree.nodes[tree.internal() as usize..];
@@ -111,6 +132,12 @@ impl RbvhTree {
         if left == v { right } else { left }
     }
 
+    /// Half area of a node's box.
+    #[inline(always)]
+    pub(super) fn half_area(&self, v: u32) -> f32 {
+        self.areas[v as usize]
+    }
+
     /// Takes an internal node that has a grandparent out, and its parent with it; its sibling moves up.
     pub(super) fn remove(&mut self, v: u32) -> Removed {
         let parent = self.parent(v);
@@ -118,7 +145,6 @@ impl RbvhTree {
         let sibling = self.sibling(v);
         let children = self.node(v).children;
         self.internal_area -= area(&self.node(v).aabb) + area(&self.node(parent).aabb);
-        self.journal.extend([(v, children), (parent, self.node(parent).children)]);
         self.replace_child(grandparent, parent, sibling);
         self.shrink(grandparent);
         Removed { children, slots: [parent, v], sibling }
@@ -130,30 +156,27 @@ impl RbvhTree {
         self.internal_area += area(&aabb);
         if target == ROOT {
             // The root keeps its number: the slot becomes what the root was.
-            let below = self.node(ROOT).children;
-            self.journal.push((ROOT, below));
-            // The slot had the larger box reckoned; the root has it, and the slot the old one.
-            self.nodes[slot as usize] = *self.node(ROOT);
-            below.iter().for_each(|&child| self.parents[child as usize] = slot);
-            self.nodes[ROOT as usize] = Branch { aabb, children: [slot, node] };
-            self.parents[slot as usize] = ROOT;
-            self.parents[node as usize] = ROOT;
+            let root = *self.node(ROOT);
+            root.children.iter().for_each(|&child| self.set_parent(child, slot));
+            self.set_branch(slot, root);
+            self.set_parent(slot, ROOT);
+            self.set_branch(ROOT, Branch { aabb, children: [slot, node] });
+            self.set_parent(node, ROOT);
             return;
         }
         let above = self.parent(target);
-        self.nodes[slot as usize] = Branch { aabb, children: [target, node] };
-        self.parents[slot as usize] = above;
         self.replace_child(above, target, slot);
-        self.parents[target as usize] = slot;
-        self.parents[node as usize] = slot;
+        self.set_branch(slot, Branch { aabb, children: [target, node] });
+        self.set_parent(target, slot);
+        self.set_parent(node, slot);
         self.grow(above, aabb);
     }
 
     fn replace_child(&mut self, parent: u32, old: u32, new: u32) {
-        let children = &mut self.nodes[parent as usize].children;
-        self.journal.push((parent, *children));
-        children[usize::from(children[1] == old)] = new;
-        self.parents[new as usize] = parent;
+        let mut branch = *self.node(parent);
+        branch.children[usize::from(branch.children[1] == old)] = new;
+        self.set_branch(parent, branch);
+        self.set_parent(new, parent);
     }
 
     /// Recomputes boxes from `v` upward until one stays.
@@ -180,13 +203,48 @@ impl RbvhTree {
 
     /// Whether the box is another one than before.
     fn set_box(&mut self, v: u32, aabb: Aabb) -> bool {
-        let have = &mut self.nodes[v as usize].aabb;
-        if *have == aabb {
+        let Branch { aabb: have, children } = *self.node(v);
+        if have == aabb {
             return false;
         }
-        self.internal_area += area(&aabb) - area(have);
-        *have = aabb;
+        self.internal_area += area(&aabb) - area(&have);
+        self.set_branch(v, Branch { aabb, children });
         true
+    }
+
+    fn set_branch(&mut self, v: u32, branch: Branch) {
+        let have = std::mem::replace(&mut self.nodes[v as usize], branch);
+        self.areas[v as usize] = branch.aabb.half_area();
+        self.changes.push(Change::Branch(v, have));
+        if have.children != branch.children {
+            self.journal.push((v, have.children));
+        }
+    }
+
+    fn set_parent(&mut self, v: u32, parent: u32) {
+        let have = std::mem::replace(&mut self.parents[v as usize], parent);
+        self.changes.push(Change::Parent(v, have));
+    }
+
+    /// Takes note of the tree as it is, for [`Self::undo`].
+    pub(super) fn begin(&mut self) -> Mark {
+        self.changes.clear();
+        Mark { journal: self.journal.len(), internal_area: self.internal_area }
+    }
+
+    /// Takes all changes since `mark`, which is the last one, back.
+    pub(super) fn undo(&mut self, mark: Mark) {
+        while let Some(change) = self.changes.pop() {
+            match change {
+                Change::Parent(v, parent) => self.parents[v as usize] = parent,
+                Change::Branch(v, branch) => {
+                    self.nodes[v as usize] = branch;
+                    self.areas[v as usize] = branch.aabb.half_area();
+                }
+            }
+        }
+        self.journal.truncate(mark.journal);
+        self.internal_area = mark.internal_area;
     }
 
     /// Takes the tree as it is for the best one so far.
@@ -223,6 +281,7 @@ impl RbvhTree {
             let [left, right] = self.node(v).children;
             let aabb = self.node(left).aabb.union(self.node(right).aabb);
             self.nodes[v as usize].aabb = aabb;
+            self.areas[v as usize] = aabb.half_area();
             self.internal_area += area(&aabb);
         }
     }
@@ -230,7 +289,8 @@ impl RbvhTree {
     /// Bytes in use, spare room included.
     pub(super) fn bytes(&self) -> u64 {
         let bytes = self.nodes.capacity() * size_of::<Branch>()
-            + (self.parents.capacity() + self.references.capacity()) * size_of::<u32>()
+            + (self.parents.capacity() + self.areas.capacity() + self.references.capacity()) * 4
+            + self.changes.capacity() * size_of::<Change>()
             + self.journal.capacity() * size_of::<(u32, [u32; 2])>();
         bytes as u64
     }
