@@ -149,7 +149,8 @@ fn naive_area(corners: &[[f64; 3]; 3], aabb: &Aabb) -> f64 {
             let inside = |p: &[f64; 3]| (p[axis] - plane) * sign >= 0.0;
             let cut = |p: [f64; 3], q: [f64; 3]| {
                 let t = (plane - p[axis]) / (q[axis] - p[axis]);
-                let mut at = [0, 1, 2].map(|k| p[k] * (1.0 - t) + q[k] * t);
+                // Exact where both are the same: a triangle in a face must not leave it.
+                let mut at = [0, 1, 2].map(|k| p[k] + t * (q[k] - p[k]));
                 at[axis] = plane;
                 at
             };
