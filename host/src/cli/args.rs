@@ -316,7 +316,6 @@ fn threads(text: &str) -> Result<usize, String> {
 mod tests {
     use super::*;
     use prbvh::optimize::RbvhSettings;
-    use prbvh::pipeline::Optimizer;
 
     fn settings(arguments: &str) -> Result<Settings, String> {
         let arguments = ["prbvh", "optimize"].into_iter().chain(arguments.split_whitespace());
@@ -339,38 +338,6 @@ mod tests {
         for name in ["lbvh", "ploc", "sah-sweep", "sah-binned", "a.bvh"] {
             let arguments = format!("--initial {name}");
             assert_eq!(initial(&arguments).unwrap().to_string(), name);
-        }
-    }
-
-    #[test]
-    fn an_optimizer_takes_its_own_settings_only() {
-        let optimizer = |arguments: &str| settings(arguments).map(|settings| settings.optimizer);
-        assert_eq!(optimizer(""), Ok(Optimizer::Prbvh));
-        assert_eq!(optimizer("--optimizer prbvh --mu 4 --epsilon 0"), Ok(Optimizer::Prbvh));
-        assert_eq!(optimizer("--optimizer none"), Ok(Optimizer::None));
-        assert_eq!(optimizer("--optimizer rbvh"), Ok(Optimizer::Rbvh(RbvhSettings::default())));
-        let expected = RbvhSettings {
-            batch: 0.5,
-            seed: 7,
-            max_iterations: 3,
-            max_time: Some(Duration::from_secs(2)),
-            ..RbvhSettings::default()
-        };
-        let arguments = "--optimizer rbvh --batch 0.5 --seed 7 --max-iterations 3 --max-time 2";
-        assert_eq!(optimizer(arguments), Ok(Optimizer::Rbvh(expected)));
-        for (arguments, part) in [
-            ("--optimizer rbvh --mu 9", "--mu is for --optimizer prbvh, not for rbvh"),
-            ("--optimizer none --epsilon 0.1", "--epsilon is for --optimizer prbvh, not for none"),
-            ("--optimizer rbvh --epsilon-absolute 0.1", "--epsilon-absolute is for --optimizer prbvh"),
-            ("--batch 0.1", "--batch is for --optimizer rbvh, not for prbvh"),
-            ("--optimizer none --seed 1", "--seed is for --optimizer rbvh, not for none"),
-            ("--optimizer rbvh --batch 0", "above 0 and at most 1"),
-            ("--optimizer rbvh --batch 1.5", "above 0 and at most 1"),
-            ("--optimizer rbvh --batch nan", "above 0 and at most 1"),
-            ("--optimizer sah", "rbvh"),
-        ] {
-            let error = optimizer(arguments).unwrap_err();
-            assert!(error.contains(part), "{arguments}: {error}");
         }
     }
 
