@@ -1,10 +1,10 @@
-//! From a scene to its best tree: safe range, initial tree, PRBVH, adaptive leaves, original boxes, validation.
+//! From a scene to its best tree: safe range, initial tree, optimiser, adaptive leaves, original boxes, validation.
 
 use crate::build::{self, DeviceTree, MortonBits, TreeOfFileError, TreeletSize};
 use crate::bvh::{self, Bvh, Quality, SahModel, TreeFault};
 use crate::collapse::{CollapseError, CollapseSettings, collapse};
-use crate::device::{Device, DeviceError, DeviceInfo, Timing};
-use crate::optimize::{IterationRow, Outcome, PrbvhSettings, Strategy, prbvh};
+use crate::device::{Device, DeviceError, DeviceInfo, Timing, on_host};
+use crate::optimize::{IterationRow, Outcome, PrbvhSettings, RbvhSettings, StopReason, Strategy, prbvh, rbvh};
 use crate::scene::{SafeRange, Scene};
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
@@ -82,6 +82,30 @@ impl fmt::Display for Initial {
     }
 }
 
+/// What makes the initial tree better.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Optimizer {
+    /// PRBVH (Meister & Bittner 2018) with [`Settings::prbvh`], on the device.
+    #[default]
+    Prbvh,
+    /// RBVH (Bittner, Hapala & Havran 2013), on one thread of the host.
+    Rbvh(RbvhSettings),
+    /// Nothing: the initial tree is handed out.
+    None,
+}
+
+/// As on the command line.
+impl fmt::Display for Optimizer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Prbvh => "prbvh",
+            Self::Rbvh(_) => "rbvh",
+            Self::None => "none",
+        })
+    }
+}
+
 /// Settings of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Settings {
@@ -90,6 +114,8 @@ pub struct Settings {
     /// Length of the Morton codes.
     pub morton_bits: MortonBits,
     /// The optimiser.
+    pub optimizer: Optimizer,
+    /// Settings of [`Optimizer::Prbvh`].
     pub prbvh: PrbvhSettings,
     /// Adaptive leaves after the optimisation; none: one triangle per leaf.
     pub adaptive: Option<CollapseSettings>,
@@ -159,8 +185,7 @@ pub fn optimize(
 ) -> Result<Optimized, PipelineError> {
     settings.initial.check()?;
     build::check_limits(device.info(), scene.triangles.len())?;
-    let range = SafeRange::of(&scene.triangles);
-    let working = range.apply(&scene.triangles);
+    let working = on_host(device, || SafeRange::of(&scene.triangles).apply(&scene.triangles));
 
     let start = Instant::now();
     let (tree, build_timings) = initial_tree(scene, &working, device, settings)?;
@@ -169,7 +194,11 @@ pub fn optimize(
     let (_, initial) = hand_out(&tree, scene, device, "builder")?;
 
     let start = Instant::now();
-    let outcome = prbvh(device, &tree, &settings.prbvh, &mut |row, _, _| observe(row))?;
+    let outcome = match &settings.optimizer {
+        Optimizer::Prbvh => prbvh(device, &tree, &settings.prbvh, &mut |row, _, _| observe(row))?,
+        Optimizer::Rbvh(settings) => on_the_host(&tree, device, settings, observe)?,
+        Optimizer::None => untouched(&initial, observe),
+    };
     let optimize_s = start.elapsed().as_secs_f64();
     let (mut best, quality) = hand_out(&tree, scene, device, "optimiser")?;
     let mut adaptive = None;
@@ -213,13 +242,35 @@ pub struct Built {
 /// As [`optimize`].
 pub fn build_initial(scene: &Scene, device: &mut dyn Device, settings: &Settings) -> Result<Built, PipelineError> {
     build::check_limits(device.info(), scene.triangles.len())?;
-    let working = SafeRange::of(&scene.triangles).apply(&scene.triangles);
+    let working = on_host(device, || SafeRange::of(&scene.triangles).apply(&scene.triangles));
     let start = Instant::now();
     let (tree, timings) = initial_tree(scene, &working, device, settings)?;
     let build_s = start.elapsed().as_secs_f64();
     let (handed_out, quality) = hand_out(&tree, scene, device, "builder")?;
     tree.free(device);
     Ok(Built { tree: handed_out, quality, build_s, timings })
+}
+
+/// Runs RBVH on the device's tree.
+fn on_the_host(
+    tree: &DeviceTree,
+    device: &mut dyn Device,
+    settings: &RbvhSettings,
+    observe: &mut dyn FnMut(&IterationRow) -> ControlFlow<()>,
+) -> Result<Outcome, PipelineError> {
+    let mut nodes = tree.download(device)?;
+    let outcome = rbvh(&mut nodes, settings, &mut |row, _| observe(row)).map_err(|faults| {
+        PipelineError::InvalidTree { stage: "builder", device: device.info().name.clone(), faults }
+    })?;
+    device.upload(&tree.nodes, bytemuck::cast_slice(&nodes))?;
+    Ok(outcome)
+}
+
+/// What is said of a tree that nothing optimised.
+fn untouched(initial: &Quality, observe: &mut dyn FnMut(&IterationRow) -> ControlFlow<()>) -> Outcome {
+    let row = IterationRow { cost: initial.sah_cost, ..IterationRow::default() };
+    let stop = if observe(&row).is_break() { StopReason::Cancelled } else { StopReason::NoOptimizer };
+    Outcome { rows: vec![row], stop, timings: Vec::new(), working_bytes: 0 }
 }
 
 /// The device's tree with adaptive leaves, validated.
@@ -256,8 +307,8 @@ fn initial_tree(
         }
         #[cfg(not(feature = "atrbvh"))]
         Initial::Atrbvh { .. } => return Err(FeatureOff { method: "atrbvh", feature: "atrbvh" }.into()),
-        Initial::SahSweep => ("sah sweep", build::sah_sweep(working)),
-        Initial::SahBinned => ("sah binned", build::sah_binned(working)),
+        Initial::SahSweep => ("sah sweep", on_host(device, || build::sah_sweep(working))),
+        Initial::SahBinned => ("sah binned", on_host(device, || build::sah_binned(working))),
         Initial::File(path) => ("read tree", build::from_file(path, scene, working)?),
     };
     let timing = Timing { label, seconds: start.elapsed().as_secs_f64() };
@@ -295,10 +346,14 @@ fn measured(
 pub fn plan(scene: &Scene, device: &DeviceInfo, settings: &Settings) -> Vec<String> {
     let n = scene.triangles.len() as u64;
     let mut lines = Vec::new();
-    if device.atomics_64 {
+    let is_prbvh = settings.optimizer == Optimizer::Prbvh;
+    if !is_prbvh {
+        lines.push(format!("locks, searches and moves on the device: the optimiser is {}", settings.optimizer));
+    }
+    if is_prbvh && device.atomics_64 {
         lines.push("locks of two 32-bit words and their extra dispatch: the device has 64-bit atomics".to_owned());
     }
-    if settings.prbvh.strategy == Strategy::Aggressive {
+    if is_prbvh && settings.prbvh.strategy == Strategy::Aggressive {
         lines.push(format!("paths of the reinsertions, for the conservative strategy: {} bytes", 4 * (2 * n - 1)));
     }
     if !settings.initial.has_codes() {

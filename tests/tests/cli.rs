@@ -155,12 +155,39 @@ fn the_outputs_say_the_same() {
 }
 
 #[test]
+fn the_optimizer_is_chosen_and_said() {
+    let folder = tempdir().unwrap();
+    let with = |optimizer: &str| {
+        let arguments = ["optimize", "built-in", "--triangles", "2000", "--device", "cpu", "--json", "--optimizer"];
+        let report = run(PRBVH, folder.path(), &[&arguments[..], &[optimizer]].concat()).ok().json();
+        assert_eq!(report["settings"]["optimizer"], optimizer);
+        assert_eq!(report["settings"]["rbvh"].is_object(), optimizer == "rbvh");
+        report
+    };
+    let cost = |report: &Value| report["final_cost"].as_f64().unwrap();
+    let (none, rbvh, prbvh) = (with("none"), with("rbvh"), with("prbvh"));
+    assert_eq!((&none["final_cost"], &none["iterations"]), (&none["initial_cost"], &0.into()));
+    assert_eq!(none["stop_reason"], "no optimiser");
+    assert_eq!((&rbvh["stop_reason"], &rbvh["settings"]["rbvh"]["seed"]), (&"converged".into(), &1.into()));
+    assert!(cost(&rbvh) < 0.8 * cost(&none) && cost(&prbvh) < 1.1 * cost(&rbvh));
+    assert!(rbvh["phases"].as_array().unwrap().iter().any(|phase| phase["label"] == "reinsert"));
+    assert_eq!(with("rbvh")["tree_hash"], rbvh["tree_hash"]);
+}
+
+#[test]
 fn stats_checks_the_tree_against_its_scene() {
     let folder = tempdir().unwrap();
     let _ = optimize(folder.path(), &["--device", "cpu", "--out", "."]).ok();
     let stats = |arguments: &[&str]| run(PRBVH, folder.path(), &[&["stats", "tree.bvh"], arguments].concat());
     let own = stats(&["--scene", "built-in", "--triangles", "3000"]).ok();
     assert_eq!(line(&own, "valid"), "yes (leaf boxes checked)");
+    let tree = prbvh::bvh::file::read(&folder.path().join("tree.bvh")).unwrap().tree;
+    let scene = prbvh::scene::built_in(3000);
+    let epo = prbvh::bvh::epo(&tree, &scene.triangles, &Default::default());
+    assert!(epo > 0.0 && line(&own, "EPO").starts_with(&format!("{epo:.3}")), "{}", own.stdout);
+    let json = stats(&["--scene", "built-in", "--triangles", "3000", "--json"]).ok().json();
+    assert_eq!(json["epo"].as_f64(), Some(epo));
+    assert_eq!(stats(&["--json"]).ok().json()["epo"], Value::Null);
     let hash_of = |triangles| prbvh::scene::built_in(triangles).hash;
     assert_eq!(line(&own, "scene hash"), hash_of(3000));
     stats(&["--scene", "built-in", "--triangles", "3001"]).refused(&[&hash_of(3000), &hash_of(3001)]);

@@ -2,6 +2,7 @@
 
 use super::compare_args::{CompareArgs, PeerArgs};
 use super::leaves::LeavesArgs;
+use super::optimizer::OptimizerArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use prbvh::build::{DEFAULT_RADIUS, MortonBits, TreeletSize};
@@ -70,9 +71,11 @@ pub(super) struct OptimizeArgs {
     /// When a reinsertion may run beside others.
     #[arg(long, value_enum, default_value_t)]
     pub(super) strategy: StrategyArg,
-    /// Search every µ-th node in an iteration; falls to 1 as the cost settles.
-    #[arg(long, default_value_t = PrbvhSettings::default().mu, value_name = "µ", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
-    pub(super) mu: u32,
+    #[command(flatten)]
+    pub(super) optimizer: OptimizerArgs,
+    /// Search every µ-th node in an iteration; falls to 1 as the cost settles [default: 9].
+    #[arg(long, value_name = "µ", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    pub(super) mu: Option<u32>,
     /// Change of the cost that counts as none, as a part of the initial cost [default: 0.0001].
     #[arg(long, value_name = "PART", value_parser = not_negative, allow_negative_numbers = true)]
     pub(super) epsilon: Option<f64>,
@@ -82,15 +85,15 @@ pub(super) struct OptimizeArgs {
     /// Start no iteration after this many seconds.
     #[arg(long, value_name = "SECONDS", value_parser = not_negative, allow_negative_numbers = true)]
     pub(super) max_time: Option<f64>,
-    /// Most iterations.
-    #[arg(long, default_value_t = PrbvhSettings::default().max_iterations, value_name = "N", allow_negative_numbers = true)]
-    pub(super) max_iterations: u32,
+    /// Most iterations, which are batches of RBVH [default: 1000; RBVH: 100000].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) max_iterations: Option<u32>,
     #[command(flatten)]
     pub(super) leaves: LeavesArgs,
     /// auto, cpu, vulkan or vulkan:N.
     #[arg(long, default_value_t, value_name = "DEVICE")]
     pub(super) device: DeviceChoice,
-    /// Threads of the CPU device; 0 for one per core.
+    /// Threads of the CPU device, and of what the host does for it; 0 for one per core.
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads, allow_negative_numbers = true)]
     pub(super) threads: usize,
     /// Write report.json, iterations.csv, convergence.svg and tree.bvh to this folder.
@@ -128,7 +131,9 @@ impl OptimizeArgs {
             (Some(part), None) => Epsilon::Relative(part),
             (None, None) => defaults.epsilon,
         };
+        let max_time = self.max_time.map(|seconds| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX));
         Ok(Settings {
+            optimizer: self.optimizer.settings(self, max_time)?,
             initial: self.initial()?,
             morton_bits: match self.morton_bits {
                 MortonBitsArg::Thirty => MortonBits::Thirty,
@@ -139,10 +144,10 @@ impl OptimizeArgs {
                     StrategyArg::Aggressive => Strategy::Aggressive,
                     StrategyArg::Conservative => Strategy::Conservative,
                 },
-                mu: self.mu,
+                mu: self.mu.unwrap_or(defaults.mu),
                 epsilon,
-                max_iterations: self.max_iterations,
-                max_time: self.max_time.map(|seconds| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)),
+                max_iterations: self.max_iterations.unwrap_or(defaults.max_iterations),
+                max_time,
                 ..defaults
             },
             adaptive: self.leaves.settings(),
@@ -337,6 +342,7 @@ pub(super) fn threads(text: &str) -> Result<usize, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use prbvh::optimize::RbvhSettings;
 
     fn settings(arguments: &str) -> Result<Settings, String> {
         let arguments = ["prbvh", "optimize"].into_iter().chain(arguments.split_whitespace());
@@ -389,12 +395,15 @@ mod tests {
     }
 
     #[test]
-    fn the_help_names_the_defaults_of_the_builders() {
+    fn the_help_names_the_defaults() {
         use clap::CommandFactory;
         let mut command = Cli::command();
         let help = command.find_subcommand_mut("optimize").unwrap().render_long_help().to_string();
-        for default in [DEFAULT_RADIUS.get(), TreeletSize::default().get()] {
+        for default in [DEFAULT_RADIUS.get(), TreeletSize::DEFAULT.get(), PrbvhSettings::default().mu] {
             assert!(help.contains(&format!("[default: {default}]")), "{help}");
         }
+        let (prbvh, rbvh) = (PrbvhSettings::default(), RbvhSettings::default());
+        let most = format!("[default: {}; RBVH: {}]", prbvh.max_iterations, rbvh.max_iterations);
+        assert!(help.contains(&most), "{help}");
     }
 }

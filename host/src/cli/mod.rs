@@ -8,6 +8,7 @@ mod interrupt;
 mod leaves;
 mod log;
 mod optimize;
+mod optimizer;
 mod render;
 mod stats;
 

@@ -9,7 +9,7 @@ use clap::ValueEnum;
 use prbvh::bvh::{self, SahModel};
 use prbvh::device::{self, Device};
 use prbvh::optimize::{Epsilon, IterationRow, StopReason};
-use prbvh::pipeline::{self, Initial, Optimized, Settings};
+use prbvh::pipeline::{self, Initial, Optimized, Optimizer, Settings};
 use prbvh::report::{self, Machine, Memory, PhaseTimes, Program, QualityReport, RunReport, SceneReport};
 use prbvh::scene::Scene;
 use std::ops::ControlFlow;
@@ -29,7 +29,7 @@ pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
     }
     tracing::info!("{}: {} triangles, on {}", scene.name, scene.triangles.len(), device.info().name);
 
-    let bar = log.bar(settings.prbvh.max_iterations);
+    let bar = log.bar(max_iterations(&settings).unwrap_or(0));
     let result = pipeline::optimize(&scene, &mut *device, &settings, &mut |row| {
         bar.set_position(u64::from(row.iteration));
         bar.set_message(format!("cost {:.3}", row.cost));
@@ -127,10 +127,15 @@ fn report(
                 _ => None,
             },
             strategy: value_name::<StrategyArg>(args.strategy),
+            optimizer: settings.optimizer.to_string(),
+            rbvh: match &settings.optimizer {
+                Optimizer::Rbvh(settings) => Some(settings.clone()),
+                _ => None,
+            },
             mu: settings.prbvh.mu,
             epsilon,
             epsilon_relative,
-            max_iterations: Some(settings.prbvh.max_iterations),
+            max_iterations: max_iterations(settings),
             max_time_s: args.max_time,
             threads: u32::try_from(args.threads).ok().filter(|&threads| threads > 0),
             sah: SahModel::default(),
@@ -147,6 +152,14 @@ fn report(
         machine: Machine::current(),
         program: Program::current(),
         rows: result.outcome.rows.clone(),
+    }
+}
+
+fn max_iterations(settings: &Settings) -> Option<u32> {
+    match &settings.optimizer {
+        Optimizer::Prbvh => Some(settings.prbvh.max_iterations),
+        Optimizer::Rbvh(settings) => Some(settings.max_iterations),
+        Optimizer::None => None,
     }
 }
 

@@ -15,7 +15,7 @@ use prbvh_kernel::status::{APPLIED, FAULTS, FOUND, MOST_STEPS, OWNED, REPORT_WOR
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-/// What the optimiser did; the tree on the device is the best one.
+/// What an optimiser did; the tree is the best one.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// Row 0 is the initial tree.
@@ -24,7 +24,7 @@ pub struct Outcome {
     pub stop: StopReason,
     /// Time of every command.
     pub timings: Vec<Timing>,
-    /// Bytes of the device's buffers while the iterations ran.
+    /// Bytes of the device's buffers while the iterations ran; of the host's, if it was the host that optimised.
     pub working_bytes: u64,
 }
 
@@ -261,7 +261,7 @@ fn sum(partial: &[f32]) -> f64 {
 
 /// SAH cost with one triangle per leaf, from sums of half areas. Where the root has no area every ratio counts as 1, as in
 /// [`crate::bvh`].
-fn cost_of_areas(internal: f64, leaves: f64, root: f64, references: u32) -> f64 {
+pub(super) fn cost_of_areas(internal: f64, leaves: f64, root: f64, references: u32) -> f64 {
     let SahModel { c_traversal, c_intersect } = SahModel::default();
     if root > 0.0 {
         (c_traversal * internal + c_intersect * leaves) / root

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// An iteration; the fields are the columns of `iterations.csv`. Row 0 is the initial tree.
+/// An iteration; the fields are the columns of `iterations.csv`. Row 0 is the initial tree. What the counts mean for RBVH:
+/// [`rbvh`](super::rbvh()).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct IterationRow {
     /// Number; 0 is the initial tree.

@@ -59,6 +59,8 @@ pub enum StopReason {
     Cancelled,
     /// A kernel reported a fault; the best tree before it was kept.
     Fault(u32),
+    /// There was no optimiser to run.
+    NoOptimizer,
 }
 
 impl std::fmt::Display for StopReason {
@@ -68,6 +70,7 @@ impl std::fmt::Display for StopReason {
             Self::MaxIterations => f.write_str("iteration limit"),
             Self::MaxTime => f.write_str("time limit"),
             Self::Cancelled => f.write_str("cancelled"),
+            Self::NoOptimizer => f.write_str("no optimiser"),
             Self::Fault(bits) => write!(f, "fault {bits:#x} in a kernel"),
         }
     }

@@ -59,6 +59,8 @@ pub(super) fn report(iterations: u32) -> RunReport {
             initial: "lbvh".to_owned(),
             radius: None,
             treelet: None,
+            optimizer: "prbvh".to_owned(),
+            rbvh: None,
             strategy: "aggressive".to_owned(),
             mu: 9,
             epsilon: 1e-4,
