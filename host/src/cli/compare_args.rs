@@ -1,6 +1,7 @@
 //! The arguments of `prbvh compare`, and of the process of a peer.
 
-use super::args::{AxisArg, BUILT_IN, not_negative, size, threads};
+use super::args::{BUILT_IN, not_negative, threads};
+use super::render_args::{AxisArg, size};
 use clap::{Args, ValueEnum};
 use prbvh::compare::{MethodSettings, PAPER_RADIUS, RaySettings};
 use prbvh::device::DeviceChoice;

@@ -10,6 +10,7 @@ mod log;
 mod optimize;
 mod optimizer;
 mod render;
+mod render_args;
 mod stats;
 
 use args::{BUILT_IN, Cli, Command, OptimizeArgs};

@@ -1,8 +1,8 @@
 //! `prbvh render`.
 
-use super::args::RenderArgs;
 use super::interrupt::Interrupt;
 use super::log::Log;
+use super::render_args::RenderArgs;
 use super::{load_scene, print};
 use anyhow::{Context, ensure};
 use prbvh::bvh::{self, Bvh};

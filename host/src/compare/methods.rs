@@ -3,13 +3,17 @@
 use super::MethodError;
 use super::peers;
 use crate::build;
+use crate::build::MortonBits;
 #[cfg(feature = "atrbvh")]
 use crate::build::TreeletSize;
-use crate::optimize::{IterationRow, PrbvhSettings};
+use crate::device::cpu::CpuDevice;
+use crate::optimize::{self, IterationRow, PrbvhSettings, RbvhSettings};
 use crate::pipeline::{Initial, Settings};
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
 use std::num::NonZeroU32;
+use std::ops::ControlFlow;
+use std::time::Instant;
 
 /// A row of the table for each device, or one for what runs on none.
 #[derive(Clone, Debug)]
@@ -88,6 +92,8 @@ const METHODS: &[Entry] = &[
             vec![initial(format!("ploc r={}", settings.radius), Initial::Ploc { radius: settings.radius })]
         },
     },
+    // The stop rule is the same; what differs is told at [`RbvhSettings::undo`].
+    Entry { name: "rbvh", jobs: |_| vec![rbvh("rbvh", rbvh_as_published), rbvh("rbvh undo", rbvh_with_undo)] },
     Entry { name: "prbvh", jobs: |settings| settings.mu.iter().map(|&mu| prbvh(Settings::default(), mu)).collect() },
     Entry { name: "sah-sweep", jobs: |_| vec![host("sah-sweep", |triangles| builder(build::sah_sweep(triangles)))] },
     Entry { name: "sah-binned", jobs: |_| vec![host("sah-binned", |triangles| builder(build::sah_binned(triangles)))] },
@@ -110,6 +116,30 @@ fn host(method: &str, build: fn(&[Triangle]) -> Result<HostBuilt, MethodError>) 
 
 fn builder(nodes: Vec<Node>) -> Result<HostBuilt, MethodError> {
     Ok(HostBuilt { nodes, optimizer: None })
+}
+
+fn rbvh(method: &str, build: fn(&[Triangle]) -> Result<HostBuilt, MethodError>) -> Job {
+    Job { method: method.to_owned(), mu: None, builder: Builder::Host { threads: Some(1), build } }
+}
+
+fn rbvh_as_published(triangles: &[Triangle]) -> Result<HostBuilt, MethodError> {
+    run_rbvh(triangles, &RbvhSettings { undo: false, ..RbvhSettings::default() })
+}
+
+fn rbvh_with_undo(triangles: &[Triangle]) -> Result<HostBuilt, MethodError> {
+    run_rbvh(triangles, &RbvhSettings::default())
+}
+
+/// RBVH from LBVH, all on one thread.
+fn run_rbvh(triangles: &[Triangle], settings: &RbvhSettings) -> Result<HostBuilt, MethodError> {
+    let start = Instant::now();
+    let mut device = CpuDevice::new(1)?;
+    let (tree, _) = build::lbvh(&mut device, triangles, MortonBits::default())?;
+    let mut nodes = tree.download(&mut device)?;
+    let build_s = start.elapsed().as_secs_f64();
+    let run = optimize::rbvh(&mut nodes, settings, &mut |_, _| ControlFlow::Continue(()));
+    let outcome = run.map_err(MethodError::InvalidTree)?;
+    Ok(HostBuilt { nodes, optimizer: Some((build_s, outcome.rows)) })
 }
 
 fn peer(peer: &'static peers::Peer) -> Job {
@@ -188,7 +218,7 @@ mod tests {
     #[test]
     fn an_unknown_name_is_refused_with_the_known_ones() {
         let error = methods(&["lbvh", "magic"]).unwrap_err().to_string();
-        for part in ["`magic`", "ploc, prbvh, sah-sweep, sah-binned"] {
+        for part in ["`magic`", "ploc, rbvh, prbvh, sah-sweep, sah-binned"] {
             assert!(error.contains(part), "{error}");
         }
     }

@@ -5,8 +5,9 @@ use super::measure::{Host, Made, Subject};
 use super::methods::{Builder, Job};
 use super::rays::{Hits, Traced, Views, sees_nothing};
 use super::{MethodError, MethodRow, OptimizerRun, RayRates, RaySettings};
-use crate::bvh::Quality;
+use crate::bvh::{self, Quality, SahModel};
 use crate::device::Device;
+use crate::scene::Scene;
 
 /// What the repetitions of all methods on a scene share.
 pub(super) struct SceneState<'a> {
@@ -39,6 +40,7 @@ struct First {
     hash: String,
     quality: Quality,
     adaptive: Option<Quality>,
+    epo: f64,
     bytes: Option<u64>,
     threads: u32,
 }
@@ -104,7 +106,7 @@ impl Slot<'_> {
 
     fn try_repeat(&mut self, scene: &mut SceneState<'_>, devices: &mut [Box<dyn Device>]) -> Result<(), MethodError> {
         let made = scene.subject.make(self.job, &mut *devices[self.device], scene.host)?;
-        self.check_same(&made)?;
+        self.check_same(&made, scene.subject.scene)?;
         self.walls.push(made.wall_s);
         self.kernels.extend(made.device_s);
         let (adaptive, quality) = scene.subject.adaptive(&made.tree, &mut *devices[self.device])?;
@@ -139,7 +141,7 @@ impl Slot<'_> {
     }
 
     /// Keeps the first tree; a later one of ours must be the same. Another library promises nothing.
-    fn check_same(&mut self, made: &Made) -> Result<(), MethodError> {
+    fn check_same(&mut self, made: &Made, scene: &Scene) -> Result<(), MethodError> {
         match &self.first {
             Some(first) if first.hash != made.hash && !matches!(self.job.builder, Builder::Peer(_)) => {
                 Err(MethodError::OtherTree { first: first.hash.clone(), second: made.hash.clone() })
@@ -150,6 +152,7 @@ impl Slot<'_> {
                     hash: made.hash.clone(),
                     quality: made.quality,
                     adaptive: None,
+                    epo: bvh::epo(&made.tree, &scene.triangles, &SahModel::default()),
                     bytes: made.bytes,
                     threads: made.threads,
                 });
@@ -188,6 +191,7 @@ impl Slot<'_> {
             build_s: median(&self.walls),
             device_s: median(&self.kernels),
             depth: first.map(|first| first.quality.max_depth),
+            epo: first.map(|first| first.epo),
             bytes: first.and_then(|first| first.bytes),
             iterations: iterations.filter(|&iterations| iterations > 0),
             tree_hash: first.map(|first| first.hash.clone()),
