@@ -50,6 +50,11 @@ impl CpuSim {
         self.executor.threads()
     }
 
+    /// Runs work that uses rayon with the threads of the dispatches; with those of the current pool, if dispatches run on one.
+    pub fn install<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        self.executor.install(work)
+    }
+
     /// A zeroed buffer.
     ///
     /// # Errors

@@ -1,10 +1,10 @@
-//! From a scene to its best tree: safe range, initial tree, PRBVH, adaptive leaves, original boxes, validation.
+//! From a scene to its best tree: safe range, initial tree, optimiser, adaptive leaves, original boxes, validation.
 
-use crate::build::{self, DeviceTree, MortonBits, TreeOfFileError};
+use crate::build::{self, DeviceTree, MortonBits, TreeOfFileError, TreeletSize};
 use crate::bvh::{self, Bvh, Quality, SahModel, TreeFault};
 use crate::collapse::{CollapseError, CollapseSettings, collapse};
-use crate::device::{Device, DeviceError, DeviceInfo, Timing};
-use crate::optimize::{IterationRow, Outcome, PrbvhSettings, prbvh};
+use crate::device::{Device, DeviceError, DeviceInfo, Timing, on_host};
+use crate::optimize::{IterationRow, Outcome, PrbvhSettings, RbvhSettings, StopReason, Strategy, prbvh, rbvh};
 use crate::scene::{SafeRange, Scene};
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
@@ -27,6 +27,11 @@ pub enum Initial {
         /// Places in the Morton order that a cluster looks to either side for its nearest neighbour.
         radius: NonZeroU32,
     },
+    /// ATRBVH (Domingues & Pedrini 2015), on the device; only with the cargo feature `atrbvh`.
+    Atrbvh {
+        /// Leaves of a treelet.
+        treelet: TreeletSize,
+    },
     /// Full-sweep SAH, on the CPU.
     SahSweep,
     /// Binned SAH (Wald 2007), on the CPU.
@@ -38,16 +43,38 @@ pub enum Initial {
 impl Initial {
     /// Whether it is built from Morton codes.
     fn has_codes(&self) -> bool {
-        matches!(self, Self::Lbvh | Self::Ploc { .. })
+        matches!(self, Self::Lbvh | Self::Ploc { .. } | Self::Atrbvh { .. })
+    }
+
+    /// Whether this program has the builder.
+    ///
+    /// # Errors
+    /// If a cargo feature left it out.
+    pub fn check(&self) -> Result<(), FeatureOff> {
+        match self {
+            Self::Atrbvh { .. } if !cfg!(feature = "atrbvh") => Err(FeatureOff { method: "atrbvh", feature: "atrbvh" }),
+            _ => Ok(()),
+        }
     }
 }
 
-/// As on the command line: `lbvh`, `ploc`, `sah-sweep`, `sah-binned`, or the path of the file.
+/// A method that this program was built without.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{method} is not in this program: it was built without the cargo feature `{feature}`")]
+pub struct FeatureOff {
+    /// The method.
+    pub method: &'static str,
+    /// The cargo feature that has it.
+    pub feature: &'static str,
+}
+
+/// As on the command line: `lbvh`, `ploc`, `atrbvh`, `sah-sweep`, `sah-binned`, or the path of the file.
 impl fmt::Display for Initial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Lbvh => f.write_str("lbvh"),
             Self::Ploc { .. } => f.write_str("ploc"),
+            Self::Atrbvh { .. } => f.write_str("atrbvh"),
             Self::SahSweep => f.write_str("sah-sweep"),
             Self::SahBinned => f.write_str("sah-binned"),
             Self::File(path) => path.display().fmt(f),
@@ -55,13 +82,28 @@ impl fmt::Display for Initial {
     }
 }
 
-/// When a reinsertion may run beside others (Meister & Bittner 2018, §4.3).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+/// What makes the initial tree better.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Strategy {
-    /// Locks the nodes whose links change.
+pub enum Optimizer {
+    /// PRBVH (Meister & Bittner 2018) with [`Settings::prbvh`], on the device.
     #[default]
-    Aggressive,
+    Prbvh,
+    /// RBVH (Bittner, Hapala & Havran 2013), on one thread of the host.
+    Rbvh(RbvhSettings),
+    /// Nothing: the initial tree is handed out.
+    None,
+}
+
+/// As on the command line.
+impl fmt::Display for Optimizer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Prbvh => "prbvh",
+            Self::Rbvh(_) => "rbvh",
+            Self::None => "none",
+        })
+    }
 }
 
 /// Settings of a run.
@@ -71,9 +113,9 @@ pub struct Settings {
     pub initial: Initial,
     /// Length of the Morton codes.
     pub morton_bits: MortonBits,
-    /// Locking strategy.
-    pub strategy: Strategy,
     /// The optimiser.
+    pub optimizer: Optimizer,
+    /// Settings of [`Optimizer::Prbvh`].
     pub prbvh: PrbvhSettings,
     /// Adaptive leaves after the optimisation; none: one triangle per leaf.
     pub adaptive: Option<CollapseSettings>,
@@ -106,6 +148,9 @@ pub struct Optimized {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PipelineError {
+    /// The program was built without a method.
+    #[error(transparent)]
+    FeatureOff(#[from] FeatureOff),
     /// The device refused or failed.
     #[error(transparent)]
     Device(#[from] DeviceError),
@@ -131,16 +176,16 @@ pub enum PipelineError {
 /// then the best tree so far is returned.
 ///
 /// # Errors
-/// If the scene does not fit the device, the device fails, or a tree is invalid.
+/// If the program lacks a method, the scene does not fit the device, the device fails, or a tree is invalid.
 pub fn optimize(
     scene: &Scene,
     device: &mut dyn Device,
     settings: &Settings,
     observe: &mut dyn FnMut(&IterationRow) -> ControlFlow<()>,
 ) -> Result<Optimized, PipelineError> {
+    settings.initial.check()?;
     build::check_limits(device.info(), scene.triangles.len())?;
-    let range = SafeRange::of(&scene.triangles);
-    let working = range.apply(&scene.triangles);
+    let working = on_host(device, || SafeRange::of(&scene.triangles).apply(&scene.triangles));
 
     let start = Instant::now();
     let (tree, build_timings) = initial_tree(scene, &working, device, settings)?;
@@ -149,7 +194,11 @@ pub fn optimize(
     let (_, initial) = hand_out(&tree, scene, device, "builder")?;
 
     let start = Instant::now();
-    let outcome = prbvh(device, &tree, &settings.prbvh, &mut |row, _, _| observe(row))?;
+    let outcome = match &settings.optimizer {
+        Optimizer::Prbvh => prbvh(device, &tree, &settings.prbvh, &mut |row, _, _| observe(row))?,
+        Optimizer::Rbvh(settings) => on_the_host(&tree, device, settings, observe)?,
+        Optimizer::None => untouched(&initial, observe),
+    };
     let optimize_s = start.elapsed().as_secs_f64();
     let (mut best, quality) = hand_out(&tree, scene, device, "optimiser")?;
     let mut adaptive = None;
@@ -172,6 +221,56 @@ pub fn optimize(
         optimize_s,
         collapse_timings,
     })
+}
+
+/// An initial tree.
+#[derive(Clone, Debug)]
+pub struct Built {
+    /// The tree; its boxes are those of the scene's triangles.
+    pub tree: Bvh,
+    /// Its quality, in f64.
+    pub quality: Quality,
+    /// Wall time, upload included, seconds.
+    pub build_s: f64,
+    /// Times of its stages.
+    pub timings: Vec<Timing>,
+}
+
+/// Builds the initial tree alone.
+///
+/// # Errors
+/// As [`optimize`].
+pub fn build_initial(scene: &Scene, device: &mut dyn Device, settings: &Settings) -> Result<Built, PipelineError> {
+    build::check_limits(device.info(), scene.triangles.len())?;
+    let working = on_host(device, || SafeRange::of(&scene.triangles).apply(&scene.triangles));
+    let start = Instant::now();
+    let (tree, timings) = initial_tree(scene, &working, device, settings)?;
+    let build_s = start.elapsed().as_secs_f64();
+    let (handed_out, quality) = hand_out(&tree, scene, device, "builder")?;
+    tree.free(device);
+    Ok(Built { tree: handed_out, quality, build_s, timings })
+}
+
+/// Runs RBVH on the device's tree.
+fn on_the_host(
+    tree: &DeviceTree,
+    device: &mut dyn Device,
+    settings: &RbvhSettings,
+    observe: &mut dyn FnMut(&IterationRow) -> ControlFlow<()>,
+) -> Result<Outcome, PipelineError> {
+    let mut nodes = tree.download(device)?;
+    let outcome = rbvh(&mut nodes, settings, &mut |row, _| observe(row)).map_err(|faults| {
+        PipelineError::InvalidTree { stage: "builder", device: device.info().name.clone(), faults }
+    })?;
+    device.upload(&tree.nodes, bytemuck::cast_slice(&nodes))?;
+    Ok(outcome)
+}
+
+/// What is said of a tree that nothing optimised.
+fn untouched(initial: &Quality, observe: &mut dyn FnMut(&IterationRow) -> ControlFlow<()>) -> Outcome {
+    let row = IterationRow { cost: initial.sah_cost, ..IterationRow::default() };
+    let stop = if observe(&row).is_break() { StopReason::Cancelled } else { StopReason::NoOptimizer };
+    Outcome { rows: vec![row], stop, timings: Vec::new(), working_bytes: 0 }
 }
 
 /// The device's tree with adaptive leaves, validated.
@@ -201,8 +300,15 @@ fn initial_tree(
             let (tree, timings, _) = build::ploc(device, working, settings.morton_bits, *radius)?;
             return Ok((tree, timings));
         }
-        Initial::SahSweep => ("sah sweep", build::sah_sweep(working)),
-        Initial::SahBinned => ("sah binned", build::sah_binned(working)),
+        #[cfg(feature = "atrbvh")]
+        Initial::Atrbvh { treelet } => {
+            let (tree, timings, _) = build::atrbvh(device, working, settings.morton_bits, *treelet)?;
+            return Ok((tree, timings));
+        }
+        #[cfg(not(feature = "atrbvh"))]
+        Initial::Atrbvh { .. } => return Err(FeatureOff { method: "atrbvh", feature: "atrbvh" }.into()),
+        Initial::SahSweep => ("sah sweep", on_host(device, || build::sah_sweep(working))),
+        Initial::SahBinned => ("sah binned", on_host(device, || build::sah_binned(working))),
         Initial::File(path) => ("read tree", build::from_file(path, scene, working)?),
     };
     let timing = Timing { label, seconds: start.elapsed().as_secs_f64() };
@@ -240,11 +346,15 @@ fn measured(
 pub fn plan(scene: &Scene, device: &DeviceInfo, settings: &Settings) -> Vec<String> {
     let n = scene.triangles.len() as u64;
     let mut lines = Vec::new();
-    if device.atomics_64 {
+    let is_prbvh = settings.optimizer == Optimizer::Prbvh;
+    if !is_prbvh {
+        lines.push(format!("locks, searches and moves on the device: the optimiser is {}", settings.optimizer));
+    }
+    if is_prbvh && device.atomics_64 {
         lines.push("locks of two 32-bit words and their extra dispatch: the device has 64-bit atomics".to_owned());
     }
-    if settings.strategy == Strategy::Aggressive {
-        lines.push(format!("path bitset of the conservative strategy: {} bytes", 16 * (2 * n - 1)));
+    if is_prbvh && settings.prbvh.strategy == Strategy::Aggressive {
+        lines.push(format!("paths of the reinsertions, for the conservative strategy: {} bytes", 4 * (2 * n - 1)));
     }
     if !settings.initial.has_codes() {
         lines.push(format!("Morton codes and their sort: the initial tree is {}", settings.initial));
@@ -253,4 +363,18 @@ pub fn plan(scene: &Scene, device: &DeviceInfo, settings: &Settings) -> Vec<Stri
     }
     lines.push("normals, texture coordinates, materials: only positions are read".to_owned());
     lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_method_that_is_left_out_says_so() {
+        let initial = Initial::Atrbvh { treelet: TreeletSize::default() };
+        assert_eq!(initial.to_string(), "atrbvh");
+        assert_eq!(initial.check().is_ok(), cfg!(feature = "atrbvh"));
+        let error = FeatureOff { method: "atrbvh", feature: "atrbvh" }.to_string();
+        assert!(error.contains("without the cargo feature `atrbvh`"), "{error}");
+    }
 }

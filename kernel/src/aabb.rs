@@ -27,6 +27,18 @@ impl Aabb {
         }
     }
 
+    /// Whether `other` lies inside; not if a coordinate is NaN.
+    #[inline(always)]
+    #[must_use]
+    pub fn contains(self, other: Self) -> bool {
+        self.min[0] <= other.min[0]
+            && self.min[1] <= other.min[1]
+            && self.min[2] <= other.min[2]
+            && self.max[0] >= other.max[0]
+            && self.max[1] >= other.max[1]
+            && self.max[2] >= other.max[2]
+    }
+
     /// Half the surface area, scene units².
     ///
     /// Written as `dy(dx + dz) + dz·dx`, which no optimiser can factor further. Every step is monotone in the extents,

@@ -1,11 +1,14 @@
 //! The table of kernels: each row makes a SPIR-V entry point, its [`KernelInfo`](crate::KernelInfo) and its native entry.
 //!
 //! A row names the kernel (variant of [`Kernel`] and SPIR-V entry point), its push constants, its buffers in the order of their
-//! bindings with what it may do to them (see [`crate::mem`]), and the function that one invocation runs.
+//! bindings with what it may do to them (see [`crate::mem`]), and the function that one invocation runs. A `#[cfg]` on a row leaves the kernel out.
 
 use crate::aabb::Aabb;
+#[cfg(feature = "atrbvh")]
+use crate::atrbvh::{self, LevelsParams, RestructureParams};
 use crate::collapse::{self, CollapseParams, CompactNode, EmitParams, Place, PlacesParams};
 use crate::cost::{self, CostParams};
+use crate::entry::kernels;
 use crate::grid;
 use crate::lbvh::{self, HierarchyParams, LeavesParams};
 use crate::mem::{AtomicU32, AtomicU64, Slot};
@@ -15,8 +18,11 @@ use crate::ploc::merge::{self, MarkParams};
 use crate::ploc::nearest::{NearestParams, nearest};
 use crate::ploc::{self, Cluster, ClustersParams, Progress};
 use crate::prbvh::check::{check, check_words};
+use crate::prbvh::conservative::{check as conservative_check, lock as conservative_lock};
+use crate::prbvh::decrease::{DecreaseParams, decrease};
 use crate::prbvh::lock::{lock, lock_decrease, lock_input};
-use crate::prbvh::{PrbvhParams, Reinsertion, reinsert::reinsert, search::search};
+use crate::prbvh::search::{search, search_top};
+use crate::prbvh::{PrbvhParams, Reinsertion, reinsert::reinsert};
 use crate::ray::{Hit, Ray};
 use crate::refit::{RefitParams, refit};
 use crate::setup::{self, BoundsParams, BoxesParams, Triangle};
@@ -30,97 +36,6 @@ use crate::trace::stack::LocalStack;
 use crate::trace::{self as tracing, TraceNode, TraceParams, TraceTriangle, trace};
 use spirv_std::glam::UVec3;
 use spirv_std::spirv;
-
-macro_rules! kernels {
-    ($(
-        $variant:ident $name:ident($params:ident: $params_type:ty) [
-            $($binding:tt $buffer:ident: $view:ty),+ $(,)?
-        ] => |$i:ident| $body:expr;
-    )+) => {
-        $(
-            #[doc = concat!("SPIR-V entry point of [`Kernel::", stringify!($variant), "`].")]
-            #[spirv(compute(threads(64)))]
-            #[inline(always)]
-            #[allow(clippy::too_many_arguments, reason = "an entry has a parameter for each buffer")]
-            pub fn $name(
-                #[spirv(global_invocation_id)] id: UVec3,
-                #[spirv(num_workgroups)] workgroups: UVec3,
-                #[spirv(push_constant)] $params: &$params_type,
-                $(#[spirv(storage_buffer, descriptor_set = 0, binding = $binding)] $buffer: $view),+
-            ) {
-                let $i = grid::linear_id(id, workgroups);
-                if $i < $params.count {
-                    $body;
-                }
-            }
-        )+
-
-        /// A kernel; see the rows of this table for what each takes.
-        #[cfg(not(target_arch = "spirv"))]
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-        pub enum Kernel {
-            $(
-                #[doc = concat!("`", stringify!($name), "`")]
-                $variant,
-            )+
-        }
-
-        #[cfg(not(target_arch = "spirv"))]
-        impl Kernel {
-            /// Every kernel.
-            pub const ALL: &'static [Self] = &[$(Self::$variant),+];
-
-            /// Name, push constants and buffers.
-            #[must_use]
-            pub const fn info(self) -> &'static crate::KernelInfo {
-                use crate::native::{BindingInfo, KernelInfo, View};
-                match self {
-                    $(
-                        Self::$variant => &KernelInfo {
-                            name: stringify!($name),
-                            push_bytes: size_of::<$params_type>(),
-                            bindings: &[$(BindingInfo {
-                                name: stringify!($buffer),
-                                access: <$view as View<'static>>::ACCESS,
-                                element_bytes: <$view as View<'static>>::ELEMENT_BYTES,
-                            }),+],
-                        },
-                    )+
-                }
-            }
-
-            /// Runs the entry natively for each of `count` invocations, in the order of the dispatcher.
-            ///
-            /// # Panics
-            /// If `push` or `buffers` are not what [`Kernel::info`] says, or if an invocation goes out of bounds.
-            pub fn run(
-                self,
-                dispatcher: &impl crate::native::Dispatcher,
-                count: u32,
-                push: &[u8],
-                buffers: Vec<crate::native::Bytes<'_>>,
-            ) {
-                use crate::native::View;
-                let info = self.info();
-                assert_eq!(buffers.len(), info.bindings.len(), "buffers of {}", info.name);
-                let mut buffers = buffers.into_iter();
-                let mut next = move || buffers.next().expect("as many buffers as bindings");
-                let workgroups = UVec3::from_array(grid::workgroups(count));
-                match self {
-                    $(
-                        Self::$variant => {
-                            let $params: &$params_type = &bytemuck::pod_read_unaligned(push);
-                            $(let $buffer = <$view as View<'_>>::bind(next());)+
-                            dispatcher.for_each(count, |i| {
-                                $name(UVec3::new(i, 0, 0), workgroups, $params, $($buffer),+);
-                            });
-                        }
-                    )+
-                }
-            }
-        }
-    };
-}
 
 kernels! {
     SetupBoxes setup_boxes(params: BoxesParams) [
@@ -220,6 +135,23 @@ kernels! {
         6 next_progress: &[Slot<Progress>],
     ] => |i| merge::merge(i, params, neighbours, marks, clusters, progress, nodes, next_clusters, next_progress);
 
+    #[cfg(feature = "atrbvh")]
+    AtrbvhLevels atrbvh_levels(params: LevelsParams) [
+        0 nodes: &[Node],
+        1 sizes: &[AtomicU32],
+        2 levels: &[AtomicU32],
+        3 order: &[Slot<u32>],
+        4 counts: &[AtomicU32],
+        5 arrivals: &[AtomicU32],
+    ] => |i| atrbvh::levels(i, params, nodes, sizes, levels, order, counts, arrivals);
+
+    #[cfg(feature = "atrbvh")]
+    AtrbvhRestructure atrbvh_restructure(params: RestructureParams) [
+        0 order: &[u32],
+        1 nodes: &[AtomicNode],
+        2 report: &[AtomicU32],
+    ] => |i| atrbvh::restructure(i, params, order, nodes, report);
+
     Refit refit_climb(params: RefitParams) [
         0 nodes: &[AtomicNode],
         1 arrivals: &[AtomicU32],
@@ -271,6 +203,57 @@ kernels! {
         3 found: &[Slot<Reinsertion>],
         4 report: &[AtomicU32],
     ] => |i| check_words(i, params, nodes, decreases, inputs, found, report);
+
+    PrbvhSearchTop prbvh_search_top(params: PrbvhParams) [
+        0 nodes: &[Node],
+        1 found: &[Slot<Reinsertion>],
+        2 tops: &[Slot<u32>],
+        3 report: &[AtomicU32],
+    ] => |i| search_top(i, params, nodes, found, tops, report);
+
+    ConservativeLock conservative_lock(params: PrbvhParams) [
+        0 nodes: &[Node],
+        1 found: &[Reinsertion],
+        2 tops: &[u32],
+        3 locks: &[AtomicU64],
+    ] => |i| conservative_lock::lock(i, params, nodes, found, tops, locks);
+
+    ConservativeLockDecrease conservative_lock_decrease(params: PrbvhParams) [
+        0 nodes: &[Node],
+        1 found: &[Reinsertion],
+        2 tops: &[u32],
+        3 decreases: &[AtomicU32],
+    ] => |i| conservative_lock::lock_decrease(i, params, nodes, found, tops, decreases);
+
+    ConservativeLockInput conservative_lock_input(params: PrbvhParams) [
+        0 nodes: &[Node],
+        1 found: &[Reinsertion],
+        2 tops: &[u32],
+        3 decreases: &[u32],
+        4 inputs: &[AtomicU32],
+    ] => |i| conservative_lock::lock_input(i, params, nodes, found, tops, decreases, inputs);
+
+    ConservativeCheck conservative_check(params: PrbvhParams) [
+        0 nodes: &[Node],
+        1 tops: &[u32],
+        2 locks: &[u64],
+        3 found: &[Slot<Reinsertion>],
+        4 report: &[AtomicU32],
+    ] => |i| conservative_check::check(i, params, nodes, tops, locks, found, report);
+
+    ConservativeCheckWords conservative_check_words(params: PrbvhParams) [
+        0 nodes: &[Node],
+        1 tops: &[u32],
+        2 decreases: &[u32],
+        3 inputs: &[u32],
+        4 found: &[Slot<Reinsertion>],
+        5 report: &[AtomicU32],
+    ] => |i| conservative_check::check_words(i, params, nodes, tops, decreases, inputs, found, report);
+
+    PrbvhDecrease prbvh_decrease(params: DecreaseParams) [
+        0 found: &[Reinsertion],
+        1 partial: &[Slot<f32>],
+    ] => |i| decrease(i, params, found, partial);
 
     PrbvhReinsert prbvh_reinsert(params: PrbvhParams) [
         0 found: &[Reinsertion],

@@ -11,9 +11,11 @@
 //! | [`sort`] | `sort_count`, `scan_*`, `sort_scatter`, `sort_gather` | codes → order of the references |
 //! | [`lbvh`] | `lbvh_leaves`, `lbvh_hierarchy` | sorted codes → links of the tree |
 //! | [`ploc`] | `ploc_clusters`, `ploc_nearest`, `ploc_mark`, `scan_*`, `ploc_merge` | order of the references → tree |
+//! | `atrbvh` | `atrbvh_levels`, `sort_*`, `scan_*`, `atrbvh_restructure` | tree → tree with better treelets |
 //! | [`refit`] | `refit` | leaf boxes → all boxes |
 //! | [`cost`] | `cost` | boxes → partial sums of half surface areas |
-//! | [`prbvh`] | `prbvh_search`, `prbvh_lock`, `prbvh_check`, `prbvh_reinsert` | tree → better tree |
+//! | [`prbvh`] | `prbvh_search`, `prbvh_lock`, `prbvh_check`, `prbvh_decrease`, `prbvh_reinsert` | tree → better tree |
+//! | [`prbvh::conservative`] | `prbvh_search_top`, `conservative_lock`, `conservative_check` | the same, slower and steadier |
 //! | [`snapshot`] | `snapshot_save`, `snapshot_restore` | links ↔ best links |
 //! | [`mod@collapse`] | `collapse_sizes`, `collapse_places`, `collapse_jump`, `collapse_emit` | tree → tree with adaptive leaves |
 //! | [`trace`] | `trace_32`, `trace_64`, `trace_128`, `trace_deep`, `trace_count` | tree, rays → hits |
@@ -26,9 +28,13 @@
 #![deny(unsafe_code)]
 
 pub mod aabb;
+#[cfg(feature = "atrbvh")]
+pub mod atrbvh;
+pub mod climb;
 pub mod collapse;
 pub mod cost;
 pub mod entries;
+mod entry;
 pub mod grid;
 pub mod lbvh;
 pub mod math;

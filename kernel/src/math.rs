@@ -18,6 +18,12 @@ pub fn umin(a: u32, b: u32) -> u32 {
     if a < b { a } else { b }
 }
 
+/// Larger of two integers; see [`umin`].
+#[inline(always)]
+pub fn umax(a: u32, b: u32) -> u32 {
+    if a > b { a } else { b }
+}
+
 /// `1 / x` by Newton's method from a guess, for `2^-120 < |x| < 2^120`: the error is below 3 units in the last place.
 ///
 /// Vulkan leaves the last digits of a division and of a square root to the driver; products and sums have one result.

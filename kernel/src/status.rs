@@ -9,9 +9,9 @@ pub const REPORT_WORDS: u32 = 8;
 pub const FOUND: usize = 0;
 /// Reinsertions that own all their locks.
 pub const OWNED: usize = 1;
-/// Reinsertions that changed the tree.
+/// Reinsertions, or treelets, that changed the tree.
 pub const APPLIED: usize = 2;
-/// Fault bits: [`FAULT_SEARCH_STEPS`], [`FAULT_BROKEN_TREE`].
+/// Fault bits: [`FAULT_SEARCH_STEPS`], [`FAULT_BROKEN_TREE`], [`FAULT_TREELET`].
 pub const FAULTS: usize = 3;
 /// Most steps that a single search took.
 pub const MOST_STEPS: usize = 4;
@@ -20,6 +20,8 @@ pub const MOST_STEPS: usize = 4;
 pub const FAULT_SEARCH_STEPS: u32 = 1;
 /// An internal node was not completed by both of its children: the links are no tree.
 pub const FAULT_BROKEN_TREE: u32 = 2;
+/// A device ended the work on a treelet before it was done.
+pub const FAULT_TREELET: u32 = 4;
 
 /// Raises fault bits.
 #[inline(always)]

@@ -86,7 +86,7 @@ impl Running {
             std::thread::sleep(Duration::from_millis(2));
         };
         let (stdout, stderr) = (whole(&self.stdout), self.stderr());
-        assert!(!stderr.contains("panicked"), "prbvh {}: {stderr}", self.arguments);
+        assert!(!stderr.contains("panicked at"), "prbvh {}: {stderr}", self.arguments);
         Ended { arguments: self.arguments, code: status.code(), stdout, stderr }
     }
 }

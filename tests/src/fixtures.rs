@@ -1,5 +1,6 @@
 //! Small scenes made from a seed.
 
+use prbvh::scene::{SafeRange, built_in};
 use prbvh_kernel::setup::Triangle;
 
 /// Random numbers from a seed (splitmix64).
@@ -41,4 +42,63 @@ pub fn soup(count: usize, size: f32, seed: u64) -> Vec<Triangle> {
             Triangle { a: corner(), b: corner(), c: corner() }
         })
         .collect()
+}
+
+/// Equal right triangles side by side in a square of `side` rows: exact ties everywhere.
+#[must_use]
+pub fn grid(side: u16) -> Vec<Triangle> {
+    let cell = |k: u16| {
+        let [x, y] = [f32::from(k % side), f32::from(k / side)];
+        Triangle { a: [x, y, 0.0], b: [x + 1.0, y, 0.0], c: [x, y + 1.0, 0.0] }
+    };
+    (0..side * side).map(cell).collect()
+}
+
+/// The triangles in working coordinates.
+#[must_use]
+pub fn working(triangles: &[Triangle]) -> Vec<Triangle> {
+    SafeRange::of(triangles).apply(triangles)
+}
+
+/// Triangles around one centre, each larger than the one before.
+#[must_use]
+pub fn nested(count: usize) -> Vec<Triangle> {
+    let triangle = |k: usize| {
+        let s = 1.0 + k as f32 * 1e-3;
+        Triangle { a: [-s, -s, -s], b: [s, s, s], c: [s, -s, s] }
+    };
+    (0..count).map(triangle).collect()
+}
+
+/// Triangles in one plane across an axis.
+#[must_use]
+pub fn flat(count: usize) -> Vec<Triangle> {
+    let press = |p: [f32; 3]| [p[0], 0.25, p[2]];
+    soup(count, 0.2, 5).iter().map(|t| Triangle { a: press(t.a), b: press(t.b), c: press(t.c) }).collect()
+}
+
+/// Inputs with a name each, small and large, kind and unkind.
+#[must_use]
+pub fn inputs() -> Vec<(&'static str, Vec<Triangle>)> {
+    let equal = vec![soup(1, 0.3, 2)[0]; 1000];
+    let point = Triangle { a: [0.5; 3], b: [0.5; 3], c: [0.5; 3] };
+    let mut decades = soup(300, 0.1, 3);
+    for (k, t) in decades.iter_mut().enumerate() {
+        let scale = 10f32.powi(-(k as i32 % 8));
+        *t = Triangle { a: t.a.map(|x| x * scale), b: t.b.map(|x| x * scale), c: t.c.map(|x| x * scale) };
+    }
+    let pairs = soup(400, 0.1, 4).into_iter().flat_map(|t| [t, t]).collect();
+    vec![
+        ("one", soup(1, 0.3, 1)),
+        ("two", soup(2, 0.3, 1)),
+        ("three", soup(3, 0.3, 1)),
+        ("soup", soup(1500, 0.1, 1)),
+        ("equal", equal),
+        ("points", vec![point; 77]),
+        ("flat", flat(700)),
+        ("eight decades", decades),
+        ("pairs", pairs),
+        ("nested", nested(900)),
+        ("built-in", built_in(2000).triangles),
+    ]
 }

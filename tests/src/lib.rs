@@ -1,9 +1,12 @@
 //! Fixtures, oracles and comparers shared by the tests.
 
+pub mod browser;
 pub mod command;
 pub mod compare;
 pub mod devices;
 pub mod fixtures;
+pub mod footprint;
+pub mod made_up;
 pub mod oracle;
 pub mod rays;
 pub mod scenes;

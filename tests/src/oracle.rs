@@ -70,6 +70,12 @@ impl NaiveTree {
         self.children.iter().position(|children| children.contains(&v)).map(|p| p as u32)
     }
 
+    /// The nodes above `v`, upwards.
+    #[must_use]
+    pub fn ancestors(&self, v: u32) -> Vec<u32> {
+        std::iter::successors(self.parent(v), |&parent| self.parent(parent)).collect()
+    }
+
     /// The other child of the parent of `v`.
     #[must_use]
     pub fn sibling(&self, v: u32) -> Option<u32> {

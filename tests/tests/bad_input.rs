@@ -4,7 +4,7 @@ use prbvh::build::{BYTES_PER_TRIANGLE, check_limits};
 use prbvh::bvh::{Bvh, SahModel, quality, tree_hash, validate};
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
-use prbvh::optimize::StopReason;
+use prbvh::optimize::{StopReason, Strategy};
 use prbvh::pipeline::{Optimized, PipelineError, Settings, optimize};
 use prbvh::scene::{MAX_TRIANGLES, Scene};
 use prbvh_kernel::node::Node;
@@ -387,9 +387,12 @@ fn a_scene_that_just_fits_stays_within_the_limits() {
         let scene = Scene::from_triangles("fits", soup(n, 0.1, 7)).unwrap();
         let info = limited(2 * n as u64 * size_of::<Node>() as u64, n as u64 * BYTES_PER_TRIANGLE);
         let mut device = Strict { device: CpuDevice::new(1).unwrap(), info };
-        let mut settings = Settings::default();
-        settings.prbvh.max_iterations = 2;
-        optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
-        assert_eq!(device.memory().bytes, 0);
+        for strategy in [Strategy::Aggressive, Strategy::Conservative] {
+            let mut settings = Settings::default();
+            settings.prbvh.max_iterations = 2;
+            settings.prbvh.strategy = strategy;
+            optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+            assert_eq!(device.memory().bytes, 0);
+        }
     }
 }

@@ -1,10 +1,10 @@
 //! The builders of initial trees: against naive ones, on every device, on inputs of every kind, and as starts of the optimiser.
 
-use prbvh::build::{DEFAULT_RADIUS, DeviceTree, MortonBits, lbvh, ploc, sah_binned, sah_sweep};
+use prbvh::build::{DEFAULT_RADIUS, DeviceTree, MortonBits, TreeletSize, lbvh, ploc, sah_binned, sah_sweep};
 use prbvh::bvh::{Bvh, file, quality, tree_hash, validate};
 use prbvh::device::Device;
 use prbvh::pipeline::{Initial, Optimized, Settings, optimize};
-use prbvh::scene::{SafeRange, Scene, built_in};
+use prbvh::scene::{Scene, built_in};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::node::Node;
@@ -14,7 +14,7 @@ use prbvh_kernel::ploc::{Cluster, ClustersParams, Progress};
 use prbvh_kernel::setup::Triangle;
 use prbvh_tests::compare::Case;
 use prbvh_tests::devices::with_devices;
-use prbvh_tests::fixtures::{Random, soup};
+use prbvh_tests::fixtures::{Random, inputs, nested, soup, working};
 use prbvh_tests::oracle::NaiveTree;
 use std::num::NonZeroU32;
 use std::ops::ControlFlow;
@@ -25,49 +25,6 @@ fn radius(places: u32) -> NonZeroU32 {
 
 fn boxes_of(triangles: &[Triangle]) -> Vec<Aabb> {
     triangles.iter().map(Triangle::aabb).collect()
-}
-
-fn working(triangles: &[Triangle]) -> Vec<Triangle> {
-    SafeRange::of(triangles).apply(triangles)
-}
-
-/// Triangles around one centre, each larger than the one before.
-fn nested(count: usize) -> Vec<Triangle> {
-    let triangle = |k: usize| {
-        let s = 1.0 + k as f32 * 1e-3;
-        Triangle { a: [-s, -s, -s], b: [s, s, s], c: [s, -s, s] }
-    };
-    (0..count).map(triangle).collect()
-}
-
-fn flat(count: usize) -> Vec<Triangle> {
-    let press = |p: [f32; 3]| [p[0], 0.25, p[2]];
-    soup(count, 0.2, 5).iter().map(|t| Triangle { a: press(t.a), b: press(t.b), c: press(t.c) }).collect()
-}
-
-/// Inputs with a name each, small and large, kind and unkind.
-fn inputs() -> Vec<(&'static str, Vec<Triangle>)> {
-    let equal = vec![soup(1, 0.3, 2)[0]; 1000];
-    let point = Triangle { a: [0.5; 3], b: [0.5; 3], c: [0.5; 3] };
-    let mut decades = soup(300, 0.1, 3);
-    for (k, t) in decades.iter_mut().enumerate() {
-        let scale = 10f32.powi(-(k as i32 % 8));
-        *t = Triangle { a: t.a.map(|x| x * scale), b: t.b.map(|x| x * scale), c: t.c.map(|x| x * scale) };
-    }
-    let pairs = soup(400, 0.1, 4).into_iter().flat_map(|t| [t, t]).collect();
-    vec![
-        ("one", soup(1, 0.3, 1)),
-        ("two", soup(2, 0.3, 1)),
-        ("three", soup(3, 0.3, 1)),
-        ("soup", soup(1500, 0.1, 1)),
-        ("equal", equal),
-        ("points", vec![point; 77]),
-        ("flat", flat(700)),
-        ("eight decades", decades),
-        ("pairs", pairs),
-        ("nested", nested(900)),
-        ("built-in", built_in(2000).triangles),
-    ]
 }
 
 fn valid(nodes: &[Node], triangles: &[Triangle], name: &str) -> Bvh {
@@ -418,9 +375,10 @@ fn better_builders_make_better_trees() {
     assert!(sweep <= 1.1 * binned && binned < lbvh && ploc < 0.8 * lbvh, "{sweep} {binned} {ploc} {lbvh}");
 }
 
-fn initials() -> [Initial; 5] {
+fn initials() -> [Initial; 6] {
     let ploc = |places| Initial::Ploc { radius: radius(places) };
-    [Initial::Lbvh, ploc(1), ploc(100), Initial::SahSweep, Initial::SahBinned]
+    let atrbvh = Initial::Atrbvh { treelet: TreeletSize::default() };
+    [Initial::Lbvh, ploc(1), ploc(100), atrbvh, Initial::SahSweep, Initial::SahBinned]
 }
 
 fn run(scene: &Scene, initial: Initial, device: &mut dyn Device) -> Optimized {

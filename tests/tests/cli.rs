@@ -69,6 +69,59 @@ fn json_is_one_object_and_the_hash_is_the_same_on_every_device() {
 }
 
 #[test]
+fn the_conservative_strategy_falls_as_it_says() {
+    let folder = tempdir().unwrap();
+    let run = |device: &str, strategy: &str| {
+        optimize(folder.path(), &["--device", device, "--strategy", strategy, "--json"]).ok().json()
+    };
+    let report = run("cpu", "conservative");
+    assert_eq!(report["settings"]["strategy"], "conservative");
+    let paths =
+        |report: &Value| report["plan"].as_array().unwrap().iter().any(|line| line.as_str().unwrap().contains("paths"));
+    let aggressive = run("cpu", "aggressive");
+    assert!(paths(&aggressive) && !paths(&report), "what the strategy leaves out");
+    assert_ne!(aggressive["tree_hash"], report["tree_hash"]);
+    let rows = report["rows"].as_array().unwrap();
+    let number = |row: &Value, key: &str| row[key].as_f64().unwrap();
+    assert!(rows.len() > 10);
+    for pair in rows.windows(2) {
+        let falls = number(&pair[0], "cost") - number(&pair[1], "cost");
+        let said = number(&pair[1], "predicted_decrease");
+        assert!((falls - said).abs() < 1e-6 * number(&pair[0], "cost"), "{falls}, not {said}");
+    }
+    if !without_vulkan() {
+        assert_eq!(run("vulkan", "conservative")["tree_hash"], report["tree_hash"]);
+    }
+}
+
+#[test]
+fn atrbvh_is_an_initial_tree_with_a_treelet_of_its_own() {
+    let folder = tempdir().unwrap();
+    let report = |arguments: &[&str]| {
+        optimize(folder.path(), &[arguments, &["--device", "cpu", "--max-iterations", "0", "--json"]].concat())
+            .ok()
+            .json()
+    };
+    let initial_cost = |report: &Value| report["initial_cost"].as_f64().unwrap();
+    let plain = report(&[]);
+    assert!(plain["settings"]["treelet"].is_null());
+    let restructured = report(&["--initial", "atrbvh"]);
+    assert_eq!(
+        (&restructured["settings"]["initial"], &restructured["settings"]["treelet"]),
+        (&"atrbvh".into(), &20.into())
+    );
+    assert!(initial_cost(&restructured) < 0.9 * initial_cost(&plain));
+    let phases = restructured["phases"].as_array().unwrap();
+    assert!(phases.iter().any(|phase| phase["label"] == "restructure"));
+    let small = report(&["--initial", "atrbvh", "--treelet", "5"]);
+    assert_eq!(small["settings"]["treelet"], 5);
+    assert_ne!(small["tree_hash"], restructured["tree_hash"]);
+
+    optimize(folder.path(), &["--initial", "atrbvh", "--treelet", "33"])
+        .refused(&["--treelet", "4 to 32 leaves, not 33"]);
+}
+
+#[test]
 fn the_outputs_say_the_same() {
     let folder = tempdir().unwrap();
     let ran = optimize(folder.path(), &["--device", "cpu", "--out", "a/b", "--json"]).ok();
@@ -102,12 +155,39 @@ fn the_outputs_say_the_same() {
 }
 
 #[test]
+fn the_optimizer_is_chosen_and_said() {
+    let folder = tempdir().unwrap();
+    let with = |optimizer: &str| {
+        let arguments = ["optimize", "built-in", "--triangles", "2000", "--device", "cpu", "--json", "--optimizer"];
+        let report = run(PRBVH, folder.path(), &[&arguments[..], &[optimizer]].concat()).ok().json();
+        assert_eq!(report["settings"]["optimizer"], optimizer);
+        assert_eq!(report["settings"]["rbvh"].is_object(), optimizer == "rbvh");
+        report
+    };
+    let cost = |report: &Value| report["final_cost"].as_f64().unwrap();
+    let (none, rbvh, prbvh) = (with("none"), with("rbvh"), with("prbvh"));
+    assert_eq!((&none["final_cost"], &none["iterations"]), (&none["initial_cost"], &0.into()));
+    assert_eq!(none["stop_reason"], "no optimiser");
+    assert_eq!((&rbvh["stop_reason"], &rbvh["settings"]["rbvh"]["seed"]), (&"converged".into(), &1.into()));
+    assert!(cost(&rbvh) < 0.8 * cost(&none) && cost(&prbvh) < 1.1 * cost(&rbvh));
+    assert!(rbvh["phases"].as_array().unwrap().iter().any(|phase| phase["label"] == "reinsert"));
+    assert_eq!(with("rbvh")["tree_hash"], rbvh["tree_hash"]);
+}
+
+#[test]
 fn stats_checks_the_tree_against_its_scene() {
     let folder = tempdir().unwrap();
     let _ = optimize(folder.path(), &["--device", "cpu", "--out", "."]).ok();
     let stats = |arguments: &[&str]| run(PRBVH, folder.path(), &[&["stats", "tree.bvh"], arguments].concat());
     let own = stats(&["--scene", "built-in", "--triangles", "3000"]).ok();
     assert_eq!(line(&own, "valid"), "yes (leaf boxes checked)");
+    let tree = prbvh::bvh::file::read(&folder.path().join("tree.bvh")).unwrap().tree;
+    let scene = prbvh::scene::built_in(3000);
+    let epo = prbvh::bvh::epo(&tree, &scene.triangles, &Default::default());
+    assert!(epo > 0.0 && line(&own, "EPO").starts_with(&format!("{epo:.3}")), "{}", own.stdout);
+    let json = stats(&["--scene", "built-in", "--triangles", "3000", "--json"]).ok().json();
+    assert_eq!(json["epo"].as_f64(), Some(epo));
+    assert_eq!(stats(&["--json"]).ok().json()["epo"], Value::Null);
     let hash_of = |triangles| prbvh::scene::built_in(triangles).hash;
     assert_eq!(line(&own, "scene hash"), hash_of(3000));
     stats(&["--scene", "built-in", "--triangles", "3001"]).refused(&[&hash_of(3000), &hash_of(3001)]);
@@ -204,7 +284,7 @@ fn bad_arguments_are_named() {
         (&["--initial", "magic"], &["--initial", "magic", "lbvh"]),
         (&["--initial", "ploc", "--radius", "-1"], &["--radius", "-1"]),
         (&["--initial", "sah-sweep", "--radius", "5"], &["--radius", "sah-sweep"]),
-        (&["--strategy", "shy"], &["--strategy", "shy", "aggressive"]),
+        (&["--strategy", "shy"], &["--strategy", "shy", "aggressive", "conservative"]),
         (&["--morton-bits", "31"], &["--morton-bits", "31", "60"]),
         (&["one.obj", "--triangles", "5"], &["--triangles", "one.obj"]),
         (&["one.obj", "two.obj"], &["two.obj"]),

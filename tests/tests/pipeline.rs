@@ -3,12 +3,23 @@
 use prbvh::build::{MortonBits, lbvh};
 use prbvh::bvh::{Bvh, quality, tree_hash, validate};
 use prbvh::device::Device;
-use prbvh::optimize::{Epsilon, IterationRow, PrbvhSettings, StopReason, prbvh};
+use prbvh::optimize::{Epsilon, IterationRow, PrbvhSettings, StopReason, Strategy, prbvh};
 use prbvh::pipeline::{Settings, optimize};
 use prbvh::scene::{SafeRange, Scene, built_in};
+use prbvh_kernel::setup::Triangle;
 use prbvh_tests::devices::devices;
-use prbvh_tests::fixtures::soup;
+use prbvh_tests::fixtures::{grid, soup};
 use std::ops::ControlFlow;
+
+/// What is wrong with the claim of the conservative strategy: the cost never rises, and falls by what was predicted.
+///
+/// A decrease is a sum of areas in f32, each with a few roundings of 2^-24 of itself. No area is part of two decreases, so the areas of
+/// both trees bound them all together: a few millionths of the cost at worst. Roundings mostly cancel: 1e-8 was seen.
+fn prediction_fault(before: f64, after: f64, predicted: f64) -> Option<String> {
+    let falls = before - after;
+    let as_predicted = (falls - predicted).abs() <= 1e-6 * before;
+    (falls < 0.0 || !as_predicted).then(|| format!("{before} falls by {falls}, not by {predicted}"))
+}
 
 /// Row and tree hash after each iteration, and the tree that is kept.
 fn trace(device: &mut dyn Device, scene: &Scene, bits: MortonBits, settings: &PrbvhSettings) -> Vec<String> {
@@ -20,13 +31,20 @@ fn trace(device: &mut dyn Device, scene: &Scene, bits: MortonBits, settings: &Pr
         let nodes = tree.download(device).unwrap();
         let tree = Bvh::from_device(&nodes).unwrap_or_else(|faults| panic!("{faults:?}"));
         validate(&tree, Some(&triangles)).unwrap_or_else(|faults| panic!("{faults:?}"));
-        let IterationRow { iteration, mu, cost, found, owned, applied, most_steps, .. } = *row;
+        let IterationRow { iteration, mu, cost, predicted_decrease, found, owned, applied, most_steps, .. } = *row;
         assert!(applied <= owned && owned <= found);
+        assert_eq!(predicted_decrease > 0.0, applied > 0, "{row:?}");
         let measured = quality(&tree, &Default::default()).sah_cost;
         assert!((cost / measured - 1.0).abs() < 1e-5, "device says {cost}, f64 says {measured}");
+        if let (Strategy::Conservative, Some(before)) = (settings.strategy, costs.last())
+            && let Some(fault) = prediction_fault(*before, measured, predicted_decrease)
+        {
+            panic!("{} at iteration {iteration}: {fault}", scene.name);
+        }
         costs.push(measured);
         let hash = tree_hash(&tree);
-        steps.push(format!("{iteration} {mu} {:x} {found} {owned} {applied} {most_steps} {hash}", cost.to_bits()));
+        let floats = [cost, predicted_decrease].map(f64::to_bits);
+        steps.push(format!("{iteration} {mu} {floats:x?} {found} {owned} {applied} {most_steps} {hash}"));
         ControlFlow::Continue(())
     })
     .unwrap();
@@ -76,8 +94,41 @@ fn other_settings_are_the_same_everywhere() {
 fn tiny_scenes_are_the_same_everywhere() {
     for n in [1, 2, 3, 4, 5] {
         let scene = Scene::from_triangles("tiny", soup(n, 0.2, n as u64)).unwrap();
-        same_everywhere(&scene, MortonBits::Sixty, &PrbvhSettings::default());
+        for strategy in [Strategy::Aggressive, Strategy::Conservative] {
+            same_everywhere(&scene, MortonBits::Sixty, &PrbvhSettings { strategy, ..PrbvhSettings::default() });
+        }
     }
+}
+
+#[test]
+fn the_conservative_strategy_falls_as_predicted_and_is_the_same_everywhere() {
+    let conservative = PrbvhSettings { strategy: Strategy::Conservative, ..PrbvhSettings::default() };
+    let steps = same_everywhere(&built_in(6000), MortonBits::Sixty, &conservative);
+    assert!(steps.len() > 10 && steps[steps.len() - 1].starts_with("Converged"), "{:?}", steps.last());
+    let scenes = [
+        ("soup", soup(2000, 0.2, 8)),
+        ("grid", grid(30)),
+        ("twice", soup(600, 0.1, 9).repeat(2)),
+        ("one place", soup(1, 0.1, 9).repeat(50)),
+    ];
+    for (name, triangles) in scenes {
+        let scene = Scene::from_triangles(name, triangles).unwrap();
+        for mu in [1, 9] {
+            let settings = PrbvhSettings { mu, max_iterations: 40, ..conservative.clone() };
+            same_everywhere(&scene, MortonBits::Sixty, &settings);
+        }
+    }
+}
+
+#[test]
+fn the_aggressive_strategy_does_not_fall_as_predicted() {
+    let result = run(&built_in(6000), &Settings::default(), u32::MAX);
+    let faults = result
+        .outcome
+        .rows
+        .windows(2)
+        .filter_map(|rows| prediction_fault(rows[0].cost, rows[1].cost, rows[1].predicted_decrease));
+    assert!(faults.count() > 5);
 }
 
 fn run(scene: &Scene, settings: &Settings, stop_at: u32) -> prbvh::pipeline::Optimized {
@@ -133,8 +184,7 @@ fn powers_of_two_change_no_topology() {
     let result = run(&Scene::from_triangles("soup", triangles.clone()).unwrap(), &Settings::default(), u32::MAX);
     for exponent in [-60, -7, 1, 60] {
         let scale = |p: [f32; 3]| p.map(|x| x * 2f32.powi(exponent));
-        let scaled =
-            triangles.iter().map(|t| prbvh_kernel::setup::Triangle { a: scale(t.a), b: scale(t.b), c: scale(t.c) });
+        let scaled = triangles.iter().map(|t| Triangle { a: scale(t.a), b: scale(t.b), c: scale(t.c) });
         let scaled = run(&Scene::from_triangles("scaled", scaled.collect()).unwrap(), &Settings::default(), u32::MAX);
         assert_eq!(scaled.outcome.rows.len(), result.outcome.rows.len());
         let topology = |tree: &Bvh| tree.nodes.iter().map(|node| (node.parent, node.content)).collect::<Vec<_>>();

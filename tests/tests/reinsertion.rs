@@ -8,6 +8,7 @@ use prbvh_kernel::setup::Triangle;
 use prbvh_kernel::status::{APPLIED, FAULTS, FOUND, OWNED, REPORT_WORDS};
 use prbvh_tests::compare::Case;
 use prbvh_tests::fixtures::soup;
+use prbvh_tests::footprint::topology;
 use prbvh_tests::oracle::{NaiveTree, half_area, random_tree};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
@@ -28,18 +29,6 @@ fn search(tree: &NaiveTree, params: &PrbvhParams) -> (Vec<Reinsertion>, Vec<u32>
     let case = Case::new(Kernel::PrbvhSearch, params.count, params).with(&tree.encode());
     let result = case.zeros(params.count.max(1) as usize).zeros(REPORT).run_everywhere();
     (result.get("found"), result.get("report"))
-}
-
-/// Nodes that lock and check must cover, from the text of the paper.
-fn topology(tree: &NaiveTree, input: u32, output: u32) -> Vec<u32> {
-    let parent = tree.parent(input).unwrap();
-    let sibling = tree.sibling(input).unwrap();
-    let mut nodes = vec![input, sibling, parent, output, tree.parent(output).unwrap()];
-    match tree.parent(parent) {
-        Some(grandparent) => nodes.push(grandparent),
-        None => nodes.extend(&tree.children[sibling as usize]),
-    }
-    nodes
 }
 
 /// The search finds the best output, and its decrease is the measured one.

@@ -4,7 +4,7 @@ use prbvh::build::{MortonBits, lbvh};
 use prbvh::bvh::{Bvh, ROOT};
 use prbvh::device::cpu::CpuDevice;
 use prbvh::pipeline::{Settings, optimize};
-use prbvh::render::{Camera, RenderError, RenderSettings, Rendering, heat_map, render, shaded, write_png};
+use prbvh::render::{Camera, RenderError, RenderSettings, Rendering, clear_view, heat_map, render, shaded, write_png};
 use prbvh::scene::{SafeRange, Scene, built_in};
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::setup::Triangle;
@@ -128,6 +128,42 @@ fn nothing_in_view_and_an_eye_in_a_box_are_pictures_too() {
     // From far away, and straight down along the upward axis.
     let above = Camera { eye: [middle[0], 1e6, middle[2]], look_at: middle, fov_degrees: 0.001, ..inside };
     assert!(render(&mut device, &scene, &tree, &above, &SMALL).unwrap().primary.hits > 0);
+}
+
+/// Two triangles over four corners.
+fn quad(corners: [[f32; 3]; 4]) -> [Triangle; 2] {
+    let [a, b, c, d] = corners;
+    [Triangle { a, b, c }, Triangle { a, b: c, c: d }]
+}
+
+#[test]
+fn a_view_from_inside_faces_no_wall() {
+    // The sides of a room from (0,0,0) to (10,3,4), and a wall before the usual eye, which looks along x.
+    let across = |x: f32| quad([[x, 0.0, 0.0], [x, 3.0, 0.0], [x, 3.0, 4.0], [x, 0.0, 4.0]]);
+    let level = |y: f32| quad([[0.0, y, 0.0], [10.0, y, 0.0], [10.0, y, 4.0], [0.0, y, 4.0]]);
+    let along = |z: f32| quad([[0.0, 0.0, z], [10.0, 0.0, z], [10.0, 3.0, z], [0.0, 3.0, z]]);
+    let room = [across(0.0), across(10.0), level(0.0), level(3.0), along(0.0), along(4.0)].concat();
+    let walled = Scene::from_triangles("walled", [&room[..], &across(2.3)].concat()).unwrap();
+    let trees = trees(&walled);
+    let usual = Camera::view(1, &trees[0].nodes[ROOT as usize].aabb, 1).unwrap();
+    assert!(usual.eye[0] < 2.3 && usual.look_at[0] > 2.3);
+    with_devices(|devices| {
+        let mut first = None;
+        for (name, device) in devices {
+            for tree in &trees {
+                let before = device.memory().bytes;
+                let camera = clear_view(1, &mut **device, &walled, tree, 1).unwrap();
+                assert_eq!(device.memory().bytes, before, "{name}");
+                assert_eq!(*first.get_or_insert(camera), camera, "{name}");
+            }
+        }
+        let Camera { eye, look_at, .. } = first.expect("there is always the CPU");
+        assert!(eye[0] > 2.3 && (eye[0] - look_at[0]).abs() > 5.0, "{eye:?} to {look_at:?}");
+    });
+    // From outside there is one view.
+    let mut device = CpuDevice::new(1).unwrap();
+    let outside = clear_view(0, &mut device, &walled, &trees[0], 1).unwrap();
+    assert_eq!(outside, Camera::view(0, &trees[0].nodes[ROOT as usize].aabb, 1).unwrap());
 }
 
 #[test]

@@ -38,6 +38,7 @@ fn steps() -> Result<Vec<(&'static str, Command)>> {
         ("tidy", cargo("xtask tidy")?),
         ("fmt", cargo("fmt --all --check")?),
         ("clippy", cargo("clippy --workspace --all-targets -- -D warnings")?),
+        ("clippy, without features", cargo("clippy -p prbvh --no-default-features --all-targets -- -D warnings")?),
         ("build-shaders", cargo("xtask build-shaders --check")?),
         ("test", cargo("xtask test")?),
         ("doc", doc),

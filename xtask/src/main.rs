@@ -25,7 +25,7 @@ enum Task {
     BuildShaders(shaders::BuildShaders),
     #[command(hide = true)]
     CompileKernels(shaders::compile::CompileKernels),
-    /// Looks for a Vulkan driver and installs Mesa's where there is none and it may.
+    /// Looks for a Vulkan driver and a browser, and installs Mesa's and Chromium where there is none and it may.
     Setup,
     /// Does what setup does, then runs all tests.
     Test(test::Test),

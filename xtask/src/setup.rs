@@ -1,35 +1,102 @@
-//! `cargo xtask setup`: a Vulkan driver for the tests.
+//! `cargo xtask setup`: what the tests need beside Rust: a Vulkan driver and a browser.
 
 use crate::repo;
 use crate::vulkan;
 use anyhow::{Context, Result, bail};
 use std::process::Command;
 
-const PACKAGES: [&str; 2] = ["mesa-vulkan-drivers", "libvulkan1"];
+#[path = "../../tests/src/browser/places.rs"]
+mod browsers;
 
-/// Says what is there and installs what is missing.
+/// Something that tests need.
+struct Need {
+    name: &'static str,
+    /// Debian's packages that bring it.
+    packages: &'static [&'static str],
+    /// Set to 1: do without it. The tests that need it say that they did not run.
+    without: &'static str,
+    /// What is there, or what is missing.
+    look: fn() -> Result<String, String>,
+    /// How to get it on a system without apt.
+    advice: fn(&str) -> &'static str,
+}
+
+const NEEDS: [Need; 2] = [
+    Need {
+        name: "Vulkan driver",
+        packages: &["mesa-vulkan-drivers", "libvulkan1"],
+        without: "PRBVH_WITHOUT_VULKAN",
+        look: || match vulkan::devices() {
+            Ok(devices) if devices.is_empty() => Err("Vulkan drivers without a device".to_owned()),
+            Ok(devices) => Ok(devices.join(", ")),
+            Err(missing) => Err(missing),
+        },
+        advice: |system| match system {
+            "linux" => {
+                "install Mesa's Vulkan drivers and the Vulkan loader with the system's package manager \
+                 (Fedora: `sudo dnf install mesa-vulkan-drivers vulkan-loader`, Arch: `sudo pacman -S vulkan-swrast vulkan-icd-loader`)"
+            }
+            "macos" => "`brew install molten-vk vulkan-loader`, or the Vulkan SDK of https://vulkan.lunarg.com/sdk",
+            _ => "install the driver of the graphics card, or the Vulkan SDK of https://vulkan.lunarg.com/sdk",
+        },
+    },
+    Need {
+        name: "browser",
+        packages: &["chromium"],
+        without: "PRBVH_WITHOUT_BROWSER",
+        look: || match browsers::browser() {
+            Some(program) => Ok(program.display().to_string()),
+            None => Err("no browser of Chromium's family".to_owned()),
+        },
+        advice: |system| match system {
+            "linux" => "install Chromium with the system's package manager, or set CHROME to a browser of its family",
+            "macos" => "`brew install --cask chromium`, or set CHROME to a browser of its family",
+            _ => "install Chrome or Edge, or set CHROME to a browser of their family",
+        },
+    },
+];
+
+/// Says what is there and installs what is missing, less what the environment does without.
 ///
 /// # Errors
-/// If there is no driver and it may not install one: with the command that would.
+/// If something is missing and it may not install it: with the command that would.
 pub(crate) fn run() -> Result<()> {
-    let missing = match vulkan::devices() {
-        Ok(devices) if !devices.is_empty() => {
-            println!("Vulkan: {}", devices.join(", "));
-            return Ok(());
+    let wanted = |need: &&Need| {
+        let without = std::env::var_os(need.without).is_some_and(|value| value == "1");
+        if without {
+            println!("{}: not looked for ({}=1), and tests that need one do not run", need.name, need.without);
         }
-        Ok(_) => "Vulkan drivers without a device".to_owned(),
-        Err(missing) => missing,
+        !without
     };
-    println!("Vulkan: {missing}");
-    install()?;
-    match vulkan::devices() {
-        Ok(devices) if !devices.is_empty() => {
-            println!("Vulkan: {}", devices.join(", "));
-            Ok(())
-        }
-        Ok(_) => bail!("{} installed, and yet no Vulkan device", PACKAGES.join(" ")),
-        Err(missing) => bail!("{} installed, and yet {missing}", PACKAGES.join(" ")),
+    let missing: Vec<&Need> = NEEDS.iter().filter(wanted).filter(|need| !is_there(need)).collect();
+    if missing.is_empty() {
+        return Ok(());
     }
+    install(&missing)?;
+    let still: Vec<&Need> = missing.into_iter().filter(|need| !is_there(need)).collect();
+    if !still.is_empty() {
+        bail!("{} installed, and yet {}", packages(&still).join(" "), lack(&still));
+    }
+    Ok(())
+}
+
+fn is_there(need: &Need) -> bool {
+    let found = (need.look)();
+    match &found {
+        Ok(found) => println!("{}: {found}", need.name),
+        Err(missing) => println!("{}: {missing}", need.name),
+    }
+    found.is_ok()
+}
+
+/// `no Vulkan driver (or set PRBVH_WITHOUT_VULKAN=1 to do without), no browser (…)`.
+fn lack(needs: &[&Need]) -> String {
+    let lack = |need: &&Need| format!("no {} (or set {}=1 to do without)", need.name, need.without);
+    needs.iter().map(lack).collect::<Vec<_>>().join(", ")
+}
+
+fn packages(needs: &[&Need]) -> Vec<&'static str> {
+    needs.iter().flat_map(|need| need.packages).copied().collect()
 }
 
 /// Who may install packages.
@@ -40,16 +107,17 @@ enum Rights {
     None,
 }
 
-fn install() -> Result<()> {
+fn install(missing: &[&Need]) -> Result<()> {
     let has_apt = cfg!(target_os = "linux") && repo::output(Command::new("apt-get").arg("--version"))?.is_some();
     if !has_apt {
-        bail!("no Vulkan driver: {}", advice(std::env::consts::OS));
+        let advice: Vec<&str> = missing.iter().map(|need| (need.advice)(std::env::consts::OS)).collect();
+        bail!("{}: {}", lack(missing), advice.join("; "));
     }
     let rights = rights();
-    let steps = steps(rights);
+    let steps = steps(rights, &packages(missing));
     if rights == Rights::None {
         let lines: Vec<String> = steps.iter().map(|step| step.join(" ")).collect();
-        bail!("no Vulkan driver, and no right to install one. Run: {}", lines.join(" && "));
+        bail!("{}, and no right to install packages. Run: {}", lack(missing), lines.join(" && "));
     }
     for step in steps {
         println!("$ {}", step.join(" "));
@@ -68,8 +136,8 @@ fn rights() -> Rights {
     if sudo.is_ok_and(|answer| answer.is_some()) { Rights::Sudo } else { Rights::None }
 }
 
-/// The commands that install the driver: run as they are, or shown to someone who may.
-fn steps(rights: Rights) -> [Vec<&'static str>; 2] {
+/// The commands that install packages: run as they are, or shown to someone who may.
+fn steps(rights: Rights, packages: &[&'static str]) -> [Vec<&'static str>; 2] {
     let prefix: &[&'static str] = match rights {
         Rights::Root => &["env", "DEBIAN_FRONTEND=noninteractive"],
         Rights::Sudo => &["sudo", "-n", "env", "DEBIAN_FRONTEND=noninteractive"],
@@ -77,18 +145,7 @@ fn steps(rights: Rights) -> [Vec<&'static str>; 2] {
     };
     let update: &[&'static str] = &["apt-get", "update"];
     let install: &[&'static str] = &["apt-get", "install", "-y", "--no-install-recommends"];
-    [[prefix, update].concat(), [prefix, install, &PACKAGES].concat()]
-}
-
-fn advice(system: &str) -> &'static str {
-    match system {
-        "linux" => {
-            "install Mesa's Vulkan drivers and the Vulkan loader with the system's package manager \
-             (Fedora: `sudo dnf install mesa-vulkan-drivers vulkan-loader`, Arch: `sudo pacman -S vulkan-swrast vulkan-icd-loader`)"
-        }
-        "macos" => "`brew install molten-vk vulkan-loader`, or the Vulkan SDK of https://vulkan.lunarg.com/sdk",
-        _ => "install the driver of the graphics card, or the Vulkan SDK of https://vulkan.lunarg.com/sdk",
-    }
+    [[prefix, update].concat(), [prefix, install, packages].concat()]
 }
 
 #[cfg(test)]
@@ -97,18 +154,33 @@ mod tests {
 
     #[test]
     fn the_shown_command_can_be_pasted() {
-        let lines = steps(Rights::None).map(|step| step.join(" "));
+        let all: Vec<&Need> = NEEDS.iter().collect();
+        let lines = steps(Rights::None, &packages(&all)).map(|step| step.join(" "));
         assert_eq!(lines[0], "sudo apt-get update");
-        assert_eq!(lines[1], "sudo apt-get install -y --no-install-recommends mesa-vulkan-drivers libvulkan1");
+        assert_eq!(lines[1], "sudo apt-get install -y --no-install-recommends mesa-vulkan-drivers libvulkan1 chromium");
+        let lines = steps(Rights::None, &packages(&all[1..])).map(|step| step.join(" "));
+        assert_eq!(lines[1], "sudo apt-get install -y --no-install-recommends chromium");
     }
 
     #[test]
     fn nothing_waits_for_a_password() {
-        for step in steps(Rights::Sudo) {
+        for step in steps(Rights::Sudo, &["chromium"]) {
             assert_eq!(step[..2], ["sudo", "-n"]);
         }
-        for step in steps(Rights::Root) {
+        for step in steps(Rights::Root, &["chromium"]) {
             assert!(!step.contains(&"sudo"));
+        }
+    }
+
+    #[test]
+    fn what_is_missing_is_named_with_the_way_round_it() {
+        let all: Vec<&Need> = NEEDS.iter().collect();
+        let text = lack(&all);
+        for part in ["no Vulkan driver", "PRBVH_WITHOUT_VULKAN=1", "no browser", "PRBVH_WITHOUT_BROWSER=1"] {
+            assert!(text.contains(part), "{text}");
+        }
+        for system in ["linux", "macos", "windows"] {
+            assert!(all.iter().all(|need| !(need.advice)(system).is_empty()));
         }
     }
 }

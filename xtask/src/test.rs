@@ -1,12 +1,9 @@
-//! `cargo xtask test`: all tests, with a Vulkan driver to run them on.
+//! `cargo xtask test`: all tests, with what they need beside Rust.
 
 use crate::{repo, setup};
 use anyhow::{Context, Result};
 use clap::Args;
 use std::process::{ExitCode, Stdio};
-
-/// Set to 1: do without Vulkan. The tests that need it say that they did not run.
-pub(crate) const WITHOUT_VULKAN: &str = "PRBVH_WITHOUT_VULKAN";
 
 #[derive(Args)]
 pub(crate) struct Test {
@@ -24,11 +21,9 @@ impl Test {
     /// # Errors
     /// If cargo cannot be started.
     pub(crate) fn run(self) -> Result<ExitCode> {
-        if std::env::var_os(WITHOUT_VULKAN).is_some_and(|value| value == "1") {
-            println!("{WITHOUT_VULKAN}=1: no Vulkan driver is looked for, and tests that need one do not run");
-        } else if let Err(error) = setup::run() {
-            // The tests that need no driver are still worth running; the others fail and say why.
-            eprintln!("warning: {error:#} (or set {WITHOUT_VULKAN}=1 to do without)");
+        if let Err(error) = setup::run() {
+            // The tests that need none of it are still worth running; the others fail and say why.
+            eprintln!("warning: {error:#}");
         }
         // The dev profile: it is optimised (see Cargo.toml), and clippy and tests share the dependencies built for it.
         let mut cargo = repo::cargo()?;

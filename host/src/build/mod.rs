@@ -1,5 +1,7 @@
 //! Initial trees.
 
+#[cfg(feature = "atrbvh")]
+mod atrbvh;
 mod binned;
 mod from_file;
 mod lbvh;
@@ -9,13 +11,17 @@ mod scan;
 mod sort;
 mod sweep;
 mod top_down;
+mod treelet;
 
+#[cfg(feature = "atrbvh")]
+pub use atrbvh::{Pass, Restructured, atrbvh, restructure};
 pub use binned::sah_binned;
 pub use from_file::{TreeOfFileError, from_file};
 pub use lbvh::lbvh;
 pub use order::MortonBits;
 pub use ploc::{DEFAULT_RADIUS, ploc};
 pub use sweep::sah_sweep;
+pub use treelet::{TreeletSize, TreeletSizeError};
 
 use crate::device::{Buffer, Device, DeviceError, DeviceInfo, Recording};
 use crate::scene::MAX_TRIANGLES;

@@ -5,7 +5,7 @@ use super::{Scratch, check_limits};
 use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
-use prbvh_kernel::morton::MortonParams;
+use prbvh_kernel::morton::{MortonParams, WORD_BITS};
 use prbvh_kernel::setup::{BOUNDS_CHUNK, BoundsParams, BoxesParams, Triangle};
 use prbvh_kernel::sort::GatherParams;
 use serde::Serialize;
@@ -117,7 +117,7 @@ fn record_codes(
         MortonBits::Thirty => {
             let params = morton_params(n, scene_box, 10);
             recording.dispatch("morton", Kernel::Morton30, n, &params, &[boxes, &keys, order]);
-            sorter.record(recording, &keys, order);
+            sorter.record(recording, &keys, order, WORD_BITS);
             Ok((keys.clone(), keys))
         }
         MortonBits::Sixty => {
@@ -127,10 +127,10 @@ fn record_codes(
             recording.dispatch("morton", Kernel::Morton60, n, &params, &[boxes, &high, &low, order]);
             // The lower word first: the sort is stable, so that sorting by the upper word then keeps its order among equals.
             recording.copy("sort", &low, &keys);
-            sorter.record(recording, &keys, order);
+            sorter.record(recording, &keys, order, WORD_BITS);
             let gather = GatherParams { count: n };
             recording.dispatch("sort", Kernel::SortGather, n, &gather, &[order, &high, &keys]);
-            sorter.record(recording, &keys, order);
+            sorter.record(recording, &keys, order, WORD_BITS);
             let sorted_low = sorter.spare_words().clone();
             recording.dispatch("sort", Kernel::SortGather, n, &gather, &[order, &low, &sorted_low]);
             Ok((keys, sorted_low))

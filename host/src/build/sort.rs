@@ -4,7 +4,6 @@ use super::Scratch;
 use super::scan::Scanner;
 use crate::device::{Buffer, Device, DeviceError, Recording};
 use prbvh_kernel::Kernel;
-use prbvh_kernel::morton::WORD_BITS;
 use prbvh_kernel::sort::{DIGIT_BITS, DIGITS, SortParams};
 
 /// Buffers of a sort of `pairs` pairs, used again by every sort of that size.
@@ -38,14 +37,14 @@ impl Sorter {
         &self.keys
     }
 
-    /// Sorts `keys` (30 bits) and moves `values` along, both in place.
-    pub(super) fn record(&self, recording: &mut Recording, keys: &Buffer, values: &Buffer) {
+    /// Sorts `keys`, of which no bit from `bits` on is set, and moves `values` along, both in place.
+    pub(super) fn record(&self, recording: &mut Recording, keys: &Buffer, values: &Buffer, bits: u32) {
         let chunks = self.pairs.div_ceil(self.chunk);
         let words = chunks * DIGITS as u32;
         let mut from = (keys, values);
         let mut to = (&self.keys, &self.values);
         // An even number of passes, so that the result lies where the input was.
-        for pass in 0..WORD_BITS.div_ceil(DIGIT_BITS).next_multiple_of(2) {
+        for pass in 0..bits.div_ceil(DIGIT_BITS).next_multiple_of(2) {
             let params = SortParams { count: chunks, pairs: self.pairs, chunk: self.chunk, shift: pass * DIGIT_BITS };
             recording.dispatch("sort", Kernel::SortCount, chunks, &params, &[from.0, &self.table]);
             self.scanner.record(recording, "sort", &self.table, words);

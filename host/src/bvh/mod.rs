@@ -6,7 +6,7 @@
 //! | tree → nodes of a device | [`Bvh::to_device`] |
 //! | boxes of the original triangles | [`Bvh::with_boxes_of`] |
 //! | is it right? | [`validate`] |
-//! | is it good? | [`quality()`] |
+//! | is it good? | [`quality()`], [`epo()`] |
 //! | is it the same? | [`tree_hash`] |
 //! | keep it | [`file::write`], [`file::read`] |
 //!
@@ -14,6 +14,7 @@
 
 mod decode;
 mod encode;
+mod epo;
 mod fault;
 pub mod file;
 mod hash;
@@ -25,6 +26,7 @@ pub(crate) mod testing;
 mod validate;
 
 pub use encode::EncodeError;
+pub use epo::epo;
 pub use fault::{Link, TreeFault, summary};
 pub use hash::{topology_hash, tree_hash};
 pub use quality::{Quality, SahModel, quality};

@@ -1,14 +1,16 @@
 //! What the command line can say.
 
+use super::compare_args::{CompareArgs, PeerArgs};
 use super::leaves::LeavesArgs;
+use super::optimizer::OptimizerArgs;
+use super::render_args::RenderArgs;
 use super::stability::StabilityArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use prbvh::build::{DEFAULT_RADIUS, MortonBits};
+use prbvh::build::{DEFAULT_RADIUS, MortonBits, TreeletSize};
 use prbvh::device::DeviceChoice;
-use prbvh::optimize::{Epsilon, PrbvhSettings};
-use prbvh::pipeline::{Initial, Settings, Strategy};
-use prbvh::render::RenderSettings;
+use prbvh::optimize::{Epsilon, PrbvhSettings, Strategy};
+use prbvh::pipeline::{Initial, Settings};
 use std::ffi::OsString;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
@@ -36,6 +38,11 @@ pub(super) enum Command {
     Optimize(Box<OptimizeArgs>),
     /// Trace rays through the tree of a scene: a picture, and what its rays cost.
     Render(Box<RenderArgs>),
+    /// The methods of the paper against each other: cost, rays per second, time, memory.
+    Compare(Box<CompareArgs>),
+    /// Build a tree with another library, in a process of its own.
+    #[command(hide = true)]
+    Peer(PeerArgs),
     /// Run every method on generated scenes that break numbers, on every device, and say what held.
     Stability(StabilityArgs),
     /// Read a `tree.bvh` back, validate it and say what it is worth.
@@ -52,21 +59,26 @@ pub(super) struct OptimizeArgs {
     /// Size of the built-in scene.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) triangles: Option<usize>,
-    /// Where the initial tree comes from: lbvh, ploc, sah-sweep, sah-binned, or a tree.bvh over the same scene.
+    /// Where the initial tree comes from: lbvh, ploc, atrbvh, sah-sweep, sah-binned, or a tree.bvh over the same scene.
     #[arg(long, default_value = "lbvh", value_name = "BUILDER|FILE.bvh", value_parser = OsStringValueParser::new().try_map(initial))]
     pub(super) initial: Initial,
     /// Places in the Morton order that a cluster of ploc looks to either side [default: 16].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub(super) radius: Option<u32>,
+    /// Leaves of the treelets that atrbvh restructures, 4 to 32 [default: 20].
+    #[arg(long, value_name = "N", value_parser = treelet, allow_negative_numbers = true)]
+    pub(super) treelet: Option<TreeletSize>,
     /// Bits of the Morton codes that the initial tree is built from.
     #[arg(long, value_enum, default_value_t)]
     pub(super) morton_bits: MortonBitsArg,
     /// When a reinsertion may run beside others.
     #[arg(long, value_enum, default_value_t)]
     pub(super) strategy: StrategyArg,
-    /// Search every µ-th node in an iteration; falls to 1 as the cost settles.
-    #[arg(long, default_value_t = PrbvhSettings::default().mu, value_name = "µ", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
-    pub(super) mu: u32,
+    #[command(flatten)]
+    pub(super) optimizer: OptimizerArgs,
+    /// Search every µ-th node in an iteration; falls to 1 as the cost settles [default: 9].
+    #[arg(long, value_name = "µ", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    pub(super) mu: Option<u32>,
     /// Change of the cost that counts as none, as a part of the initial cost [default: 0.0001].
     #[arg(long, value_name = "PART", value_parser = not_negative, allow_negative_numbers = true)]
     pub(super) epsilon: Option<f64>,
@@ -76,15 +88,15 @@ pub(super) struct OptimizeArgs {
     /// Start no iteration after this many seconds.
     #[arg(long, value_name = "SECONDS", value_parser = not_negative, allow_negative_numbers = true)]
     pub(super) max_time: Option<f64>,
-    /// Most iterations.
-    #[arg(long, default_value_t = PrbvhSettings::default().max_iterations, value_name = "N", allow_negative_numbers = true)]
-    pub(super) max_iterations: u32,
+    /// Most iterations, which are batches of RBVH [default: 1000; RBVH: 100000].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) max_iterations: Option<u32>,
     #[command(flatten)]
     pub(super) leaves: LeavesArgs,
     /// auto, cpu, vulkan or vulkan:N.
     #[arg(long, default_value_t, value_name = "DEVICE")]
     pub(super) device: DeviceChoice,
-    /// Threads of the CPU device; 0 for one per core.
+    /// Threads of the CPU device, and of what the host does for it; 0 for one per core.
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads, allow_negative_numbers = true)]
     pub(super) threads: usize,
     /// Write report.json, iterations.csv, convergence.svg and tree.bvh to this folder.
@@ -122,20 +134,23 @@ impl OptimizeArgs {
             (Some(part), None) => Epsilon::Relative(part),
             (None, None) => defaults.epsilon,
         };
+        let max_time = self.max_time.map(|seconds| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX));
         Ok(Settings {
+            optimizer: self.optimizer.settings(self, max_time)?,
             initial: self.initial()?,
             morton_bits: match self.morton_bits {
                 MortonBitsArg::Thirty => MortonBits::Thirty,
                 MortonBitsArg::Sixty => MortonBits::Sixty,
             },
-            strategy: match self.strategy {
-                StrategyArg::Aggressive => Strategy::Aggressive,
-            },
             prbvh: PrbvhSettings {
-                mu: self.mu,
+                strategy: match self.strategy {
+                    StrategyArg::Aggressive => Strategy::Aggressive,
+                    StrategyArg::Conservative => Strategy::Conservative,
+                },
+                mu: self.mu.unwrap_or(defaults.mu),
                 epsilon,
-                max_iterations: self.max_iterations,
-                max_time: self.max_time.map(|seconds| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)),
+                max_iterations: self.max_iterations.unwrap_or(defaults.max_iterations),
+                max_time,
                 ..defaults
             },
             adaptive: self.leaves.settings(),
@@ -143,18 +158,29 @@ impl OptimizeArgs {
     }
 
     fn initial(&self) -> anyhow::Result<Initial> {
-        match (&self.initial, self.radius.and_then(NonZeroU32::new)) {
-            (Initial::Ploc { .. }, Some(radius)) => Ok(Initial::Ploc { radius }),
+        let mut initial = self.initial.clone();
+        match (&mut initial, self.radius.and_then(NonZeroU32::new)) {
+            (Initial::Ploc { radius }, Some(asked)) => *radius = asked,
             (other, Some(_)) => anyhow::bail!("--radius is for --initial ploc, not for {other}"),
-            (initial, None) => Ok(initial.clone()),
+            (_, None) => {}
         }
+        match (&mut initial, self.treelet) {
+            (Initial::Atrbvh { treelet }, Some(asked)) => *treelet = asked,
+            (other, Some(_)) => anyhow::bail!("--treelet is for --initial atrbvh, not for {other}"),
+            (_, None) => {}
+        }
+        initial.check()?;
+        Ok(initial)
     }
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
 pub(super) enum StrategyArg {
+    /// If their links do not overlap.
     #[default]
     Aggressive,
+    /// If their boxes do not overlap either: the cost never rises.
+    Conservative,
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
@@ -164,83 +190,6 @@ pub(super) enum MortonBitsArg {
     #[default]
     #[value(name = "60")]
     Sixty,
-}
-
-#[derive(Debug, Args)]
-pub(super) struct RenderArgs {
-    /// OBJ, PLY, STL, glTF or GLB file (also .xz, .gz, .zst), or `built-in`.
-    #[arg(default_value = BUILT_IN)]
-    pub(super) scene: PathBuf,
-    /// Size of the built-in scene.
-    #[arg(long, value_name = "N")]
-    pub(super) triangles: Option<usize>,
-    /// A tree of the scene, as `prbvh optimize --out` writes it [default: one is built and optimised].
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["leaves", "max_leaf", "c_traversal", "c_intersect"])]
-    pub(super) tree: Option<PathBuf>,
-    #[command(flatten)]
-    pub(super) leaves: LeavesArgs,
-    /// The picture, a PNG file.
-    #[arg(short, long, value_name = "FILE", default_value = "render.png")]
-    pub(super) out: PathBuf,
-    /// Columns and rows of the picture.
-    #[arg(long, value_name = "WxH", default_value = "1024x768", value_parser = size)]
-    pub(super) size: [u32; 2],
-    /// Paths per pixel.
-    #[arg(long, value_name = "N", default_value_t = RenderSettings::default().samples)]
-    pub(super) samples: u32,
-    /// Times that a path goes on after the first surface.
-    #[arg(long, value_name = "N", default_value_t = RenderSettings::default().bounces)]
-    pub(super) bounces: u32,
-    /// Shadow rays per surface hit.
-    #[arg(long, value_name = "N", default_value_t = RenderSettings::default().light_samples)]
-    pub(super) light_samples: u32,
-    /// Show the number of tests per primary ray instead of light.
-    #[arg(long)]
-    pub(super) heat_map: bool,
-    /// 0: from outside; 1: inside, along the scene; 2: inside, from a corner.
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..3))]
-    pub(super) view: u32,
-    /// The eye instead of the view's.
-    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
-    pub(super) eye: Option<[f32; 3]>,
-    /// Point in the middle of the picture instead of the view's.
-    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
-    pub(super) look_at: Option<[f32; 3]>,
-    /// Axis that points up.
-    #[arg(long, value_enum, default_value_t)]
-    pub(super) up: AxisArg,
-    /// Angle between left and right edge instead of the view's, degrees.
-    #[arg(long, value_name = "DEGREES")]
-    pub(super) fov: Option<f32>,
-    /// auto, cpu, vulkan or vulkan:N.
-    #[arg(long, default_value_t, value_name = "DEVICE")]
-    pub(super) device: DeviceChoice,
-    /// Threads of the CPU device; 0 for one per core.
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads)]
-    pub(super) threads: usize,
-    /// Print one JSON object to stdout instead of the table.
-    #[arg(long)]
-    pub(super) json: bool,
-    /// Turn Vulkan's validation layer on.
-    #[arg(long)]
-    pub(super) validate: bool,
-}
-
-impl RenderArgs {
-    /// The settings that the arguments say.
-    pub(super) fn settings(&self) -> RenderSettings {
-        let [width, height] = self.size;
-        let Self { samples, bounces, light_samples, .. } = *self;
-        RenderSettings { width, height, samples, bounces, light_samples }
-    }
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(super) enum AxisArg {
-    X,
-    #[default]
-    Y,
-    Z,
 }
 
 #[derive(Debug, Args)]
@@ -269,36 +218,25 @@ fn initial(text: OsString) -> Result<Initial, String> {
     match text.to_str() {
         Some("lbvh") => Ok(Initial::Lbvh),
         Some("ploc") => Ok(Initial::Ploc { radius: DEFAULT_RADIUS }),
+        Some("atrbvh") => Ok(Initial::Atrbvh { treelet: TreeletSize::default() }),
         Some("sah-sweep") => Ok(Initial::SahSweep),
         Some("sah-binned") => Ok(Initial::SahBinned),
         _ if Path::new(&text).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("bvh")) => {
             Ok(Initial::File(text.into()))
         }
-        _ => Err("neither lbvh, ploc, sah-sweep, sah-binned nor a tree file that ends in .bvh".to_owned()),
+        _ => Err("neither lbvh, ploc, atrbvh, sah-sweep, sah-binned nor a tree file that ends in .bvh".to_owned()),
     }
+}
+
+fn treelet(text: &str) -> Result<TreeletSize, String> {
+    let leaves = text.parse::<u32>().map_err(|error| error.to_string())?;
+    TreeletSize::new(leaves).map_err(|error| error.to_string())
 }
 
 pub(super) fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
         _ => Err("not a finite number of at least 0".to_owned()),
-    }
-}
-
-fn size(text: &str) -> Result<[u32; 2], String> {
-    let side = |text: &str| text.parse::<u32>().ok().filter(|side| (1..=prbvh::render::MAX_SIDE).contains(side));
-    match text.split_once('x').map(|(width, height)| [side(width), side(height)]) {
-        Some([Some(width), Some(height)]) => Ok([width, height]),
-        _ => Err(format!("not two numbers from 1 to {} with an x between, such as 1024x768", prbvh::render::MAX_SIDE)),
-    }
-}
-
-fn point(text: &str) -> Result<[f32; 3], String> {
-    let numbers: Vec<f32> =
-        text.split(',').filter_map(|x| x.trim().parse().ok()).filter(|x: &f32| x.is_finite()).collect();
-    match (numbers[..].try_into(), text.split(',').count()) {
-        (Ok(point), 3) => Ok(point),
-        _ => Err("not three numbers with commas between, such as 1,0.5,-2".to_owned()),
     }
 }
 
@@ -313,6 +251,7 @@ pub(super) fn threads(text: &str) -> Result<usize, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use prbvh::optimize::RbvhSettings;
 
     fn settings(arguments: &str) -> Result<Settings, String> {
         let arguments = ["prbvh", "optimize"].into_iter().chain(arguments.split_whitespace());
@@ -329,6 +268,13 @@ mod tests {
         assert_eq!(initial("--initial lbvh"), Ok(Initial::Lbvh));
         assert_eq!(initial("--initial ploc"), ploc(DEFAULT_RADIUS.get()));
         assert_eq!(initial("--initial ploc --radius 10000"), ploc(10_000));
+        // A program without the method refuses it here.
+        let atrbvh = |leaves| {
+            let initial = Initial::Atrbvh { treelet: TreeletSize::new(leaves).unwrap() };
+            initial.check().map(|()| initial).map_err(|error| error.to_string())
+        };
+        assert_eq!(initial("--initial atrbvh"), atrbvh(20));
+        assert_eq!(initial("--initial atrbvh --treelet 32"), atrbvh(32));
         assert_eq!(initial("--initial sah-sweep"), Ok(Initial::SahSweep));
         assert_eq!(initial("--initial sah-binned"), Ok(Initial::SahBinned));
         assert_eq!(initial("--initial out/tree.BVH"), Ok(Initial::File("out/tree.BVH".into())));
@@ -347,6 +293,10 @@ mod tests {
             ("--initial ploc --radius many", "many"),
             ("--radius 5", "--radius is for --initial ploc, not for lbvh"),
             ("--initial a.bvh --radius 5", "not for a.bvh"),
+            ("--initial atrbvh --treelet 3", "a treelet has 4 to 32 leaves, not 3"),
+            ("--initial atrbvh --treelet 33", "a treelet has 4 to 32 leaves, not 33"),
+            ("--initial atrbvh --treelet -1", "invalid digit"),
+            ("--treelet 7", "--treelet is for --initial atrbvh, not for lbvh"),
         ] {
             let error = settings(arguments).unwrap_err();
             assert!(error.contains(part), "{arguments}: {error}");
@@ -354,10 +304,15 @@ mod tests {
     }
 
     #[test]
-    fn the_help_names_the_default_radius() {
+    fn the_help_names_the_defaults() {
         use clap::CommandFactory;
         let mut command = Cli::command();
         let help = command.find_subcommand_mut("optimize").unwrap().render_long_help().to_string();
-        assert!(help.contains(&format!("[default: {DEFAULT_RADIUS}]")), "{help}");
+        for default in [DEFAULT_RADIUS.get(), TreeletSize::DEFAULT.get(), PrbvhSettings::default().mu] {
+            assert!(help.contains(&format!("[default: {default}]")), "{help}");
+        }
+        let (prbvh, rbvh) = (PrbvhSettings::default(), RbvhSettings::default());
+        let most = format!("[default: {}; RBVH: {}]", prbvh.max_iterations, rbvh.max_iterations);
+        assert!(help.contains(&most), "{help}");
     }
 }

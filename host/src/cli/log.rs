@@ -3,6 +3,7 @@
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::{self, IsTerminal, Write};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 use tracing_subscriber::filter::LevelFilter;
 
 /// The running progress bar, if there is one.
@@ -35,8 +36,18 @@ pub(super) fn start(quiet: u8, verbose: u8) -> Log {
 impl Log {
     /// A bar over at most `iterations` iterations; invisible where stderr is no terminal.
     pub(super) fn bar(&self, iterations: u32) -> ProgressBar {
-        let bar = ProgressBar::new(u64::from(iterations));
-        if let Ok(style) = ProgressStyle::with_template("{spinner} iteration {pos}, {elapsed}, {wide_msg}") {
+        self.shown(ProgressBar::new(u64::from(iterations)), "{spinner} iteration {pos}, {elapsed}, {wide_msg}")
+    }
+
+    /// A bar over steps of unknown length.
+    pub(super) fn steps(&self) -> ProgressBar {
+        let bar = self.shown(ProgressBar::new(0), "{spinner} {pos} of {len}, {elapsed}, {wide_msg}");
+        bar.enable_steady_tick(Duration::from_millis(200));
+        bar
+    }
+
+    fn shown(&self, bar: ProgressBar, template: &str) -> ProgressBar {
+        if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(bar.clone());

@@ -1,12 +1,16 @@
 //! The command line: arguments in, tables and files out.
 
 mod args;
+mod compare;
+mod compare_args;
 mod devices;
 mod interrupt;
 mod leaves;
 mod log;
 mod optimize;
+mod optimizer;
 mod render;
+mod render_args;
 mod stability;
 mod stats;
 
@@ -25,6 +29,8 @@ pub(crate) fn main() -> ExitCode {
         None => optimize::run(&OptimizeArgs::main_job(), &log),
         Some(Command::Optimize(args)) => optimize::run(&args, &log),
         Some(Command::Render(args)) => render::run(&args, &log),
+        Some(Command::Compare(args)) => compare::run(&args, &log),
+        Some(Command::Peer(args)) => Ok(compare::run_peer(&args)),
         Some(Command::Stability(args)) => stability::run(&args),
         Some(Command::Stats(args)) => stats::run(&args),
         Some(Command::Devices(args)) => devices::run(&args),

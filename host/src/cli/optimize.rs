@@ -9,7 +9,7 @@ use clap::ValueEnum;
 use prbvh::bvh::{self, SahModel};
 use prbvh::device::{self, Device};
 use prbvh::optimize::{Epsilon, IterationRow, StopReason};
-use prbvh::pipeline::{self, Initial, Optimized, Settings};
+use prbvh::pipeline::{self, Initial, Optimized, Optimizer, Settings};
 use prbvh::report::{self, Machine, Memory, PhaseTimes, Program, QualityReport, RunReport, SceneReport};
 use prbvh::scene::Scene;
 use std::ops::ControlFlow;
@@ -17,7 +17,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 /// Columns where the width of the terminal is not known.
-const DEFAULT_COLUMNS: u16 = 100;
+pub(super) const DEFAULT_COLUMNS: u16 = 100;
 
 pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
     let settings = args.settings()?;
@@ -29,7 +29,7 @@ pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
     }
     tracing::info!("{}: {} triangles, on {}", scene.name, scene.triangles.len(), device.info().name);
 
-    let bar = log.bar(settings.prbvh.max_iterations);
+    let bar = log.bar(max_iterations(&settings).unwrap_or(0));
     let result = pipeline::optimize(&scene, &mut *device, &settings, &mut |row| {
         bar.set_position(u64::from(row.iteration));
         bar.set_message(format!("cost {:.3}", row.cost));
@@ -56,7 +56,7 @@ pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
 }
 
 /// Makes the folder of the outputs and tries whether files can be made in it, before any time is spent on what is to go there.
-fn check_folder(folder: &Path) -> anyhow::Result<()> {
+pub(super) fn check_folder(folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder)
         .and_then(|()| tempfile::tempfile_in(folder))
         .with_context(|| format!("--out {}: no files can be made there", folder.display()))?;
@@ -122,11 +122,20 @@ fn report(
                 Initial::Ploc { radius } => Some(radius.get()),
                 _ => None,
             },
+            treelet: match settings.initial {
+                Initial::Atrbvh { treelet } => Some(treelet.get()),
+                _ => None,
+            },
             strategy: value_name::<StrategyArg>(args.strategy),
+            optimizer: settings.optimizer.to_string(),
+            rbvh: match &settings.optimizer {
+                Optimizer::Rbvh(settings) => Some(settings.clone()),
+                _ => None,
+            },
             mu: settings.prbvh.mu,
             epsilon,
             epsilon_relative,
-            max_iterations: Some(settings.prbvh.max_iterations),
+            max_iterations: max_iterations(settings),
             max_time_s: args.max_time,
             threads: u32::try_from(args.threads).ok().filter(|&threads| threads > 0),
             sah: SahModel::default(),
@@ -143,6 +152,14 @@ fn report(
         machine: Machine::current(),
         program: Program::current(),
         rows: result.outcome.rows.clone(),
+    }
+}
+
+fn max_iterations(settings: &Settings) -> Option<u32> {
+    match &settings.optimizer {
+        Optimizer::Prbvh => Some(settings.prbvh.max_iterations),
+        Optimizer::Rbvh(settings) => Some(settings.max_iterations),
+        Optimizer::None => None,
     }
 }
 

@@ -1,14 +1,14 @@
 //! `prbvh render`.
 
-use super::args::RenderArgs;
 use super::interrupt::Interrupt;
 use super::log::Log;
+use super::render_args::RenderArgs;
 use super::{load_scene, print};
 use anyhow::{Context, ensure};
-use prbvh::bvh::{self, Bvh, ROOT};
+use prbvh::bvh::{self, Bvh};
 use prbvh::device::{self, Device};
 use prbvh::pipeline::{self, Settings};
-use prbvh::render::{Camera, RayCost, Rendering, heat_map, render, shaded, write_png};
+use prbvh::render::{RayCost, Rendering, clear_view, heat_map, render, shaded, write_png};
 use prbvh::scene::Scene;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -53,8 +53,7 @@ pub(super) fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<ExitCode> {
 }
 
 fn picture(args: &RenderArgs, device: &mut dyn Device, scene: &Scene, tree: &Bvh) -> anyhow::Result<Rendering> {
-    let bounds = tree.nodes[ROOT as usize].aabb;
-    let mut camera = Camera::view(args.view, &bounds, args.up as usize)?;
+    let mut camera = clear_view(args.view, device, scene, tree, args.up as usize)?;
     if let Some(eye) = args.eye {
         camera.eye = eye;
     }

@@ -28,11 +28,13 @@ pub(super) fn run(args: &StatsArgs) -> anyhow::Result<ExitCode> {
     }
     let model = SahModel::default();
     let quality = bvh::quality(&file.tree, &model);
+    let epo = triangles.map(|triangles| bvh::epo(&file.tree, triangles, &model));
     let hash = bvh::tree_hash(&file.tree);
     if args.json {
         let mut json = serde_json::to_value(quality).context("quality as JSON")?;
         if let Some(json) = json.as_object_mut() {
             json.insert("valid".into(), true.into());
+            json.insert("epo".into(), epo.into());
             json.insert("tree_hash".into(), hash.into());
             json.insert("scene_hash".into(), file.scene_hash.into());
         }
@@ -42,6 +44,10 @@ pub(super) fn run(args: &StatsArgs) -> anyhow::Result<ExitCode> {
         let leaf_boxes = if scene.is_some() { "leaf boxes checked" } else { "leaf boxes not checked: no --scene" };
         print(&format!("valid        yes ({leaf_boxes})"));
         print(&format!("SAH cost     {:.3} (c_T = {c_t}, c_I = {c_i})", quality.sah_cost));
+        match epo {
+            Some(epo) => print(&format!("EPO          {epo:.3} (c_T = {c_t}, c_I = {c_i})")),
+            None => print("EPO          needs the triangles: --scene"),
+        }
         print(&format!("depth        {} (leaves {:.1} on average)", quality.max_depth, quality.mean_leaf_depth));
         print(&format!("nodes        {}", quality.nodes));
         print(&format!("leaves       {}", quality.leaves));

@@ -70,8 +70,11 @@ pub struct MethodRow {
     pub method: String,
     /// First µ of a PRBVH run.
     pub mu: Option<u32>,
-    /// Device that built the tree; `cpu (peer)` for another library.
+    /// Device that built the tree; `cpu (host)` for a builder that runs on no device, `cpu (peer)` for another library.
     pub device: String,
+    /// Device that the rays were traced on, and the adaptive leaves made.
+    #[serde(default)]
+    pub traced_on: Option<String>,
     /// Threads that built the tree; 0: as many as the device has.
     pub threads: u32,
     /// SAH cost with one triangle per leaf, unitless.
@@ -165,6 +168,8 @@ pub enum Purpose {
     Strategy,
     /// LBVH against ATRBVH and others as the initial tree.
     Initial,
+    /// PRBVH on one thread, against RBVH.
+    OneThread,
 }
 
 /// A rendered picture.

@@ -100,4 +100,24 @@ impl Device for CpuDevice {
     fn memory(&self) -> MemoryUse {
         self.memory
     }
+
+    fn run_on_host(&self, work: &mut (dyn FnMut() + Send)) {
+        self.sim.install(work);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::on_host;
+    use super::*;
+
+    #[test]
+    fn work_of_the_host_has_the_threads_of_the_device() {
+        for threads in [1, 3] {
+            let device = CpuDevice::new(threads).unwrap();
+            assert_eq!(on_host(&device, rayon::current_num_threads), threads);
+        }
+        let device = CpuDevice::with_order(Order::Descending, 0).unwrap();
+        assert_eq!(on_host(&device, rayon::current_num_threads), rayon::current_num_threads());
+    }
 }

@@ -44,6 +44,22 @@ pub trait Device {
 
     /// Bytes in buffers now, and the most there were.
     fn memory(&self) -> MemoryUse;
+
+    /// Runs work of the host that uses rayon: on a CPU device with the threads that it was given, else with those of the current pool.
+    /// [`on_host`] returns what the work makes.
+    fn run_on_host(&self, work: &mut (dyn FnMut() + Send)) {
+        work();
+    }
+}
+
+/// Runs work of the host that uses rayon with as many threads as [`Device::run_on_host`] lends.
+///
+/// # Panics
+/// If the device does not run it.
+pub fn on_host<T: Send>(device: &dyn Device, work: impl FnOnce() -> T + Send) -> T {
+    let (mut work, mut made) = (Some(work), None);
+    device.run_on_host(&mut || made = work.take().map(|work| work()));
+    made.expect("a device runs the work of the host")
 }
 
 /// What a device is and can do.

@@ -1,10 +1,14 @@
-//! The optimiser: PRBVH iterations until nothing is gained, the best tree kept.
+//! The optimisers: PRBVH iterations until nothing is gained, and sequential RBVH to compare with; the best tree is kept.
 
+mod moves;
 mod prbvh;
+mod rbvh;
 mod row;
 mod schedule;
 
+pub use moves::Strategy;
 pub use prbvh::{Outcome, prbvh};
+pub use rbvh::{RbvhSettings, RbvhTree, rbvh};
 pub use schedule::{Epsilon, PrbvhSettings, StopReason};
 
 pub use row::IterationRow;

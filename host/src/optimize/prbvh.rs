@@ -1,19 +1,21 @@
 //! The PRBVH iterations: search, lock, check, reinsert, refit, cost.
 
+use super::moves::Moves;
 use super::schedule::Schedule;
-use super::{IterationRow, PrbvhSettings, StopReason, set_relative_errors};
+use super::{IterationRow, PrbvhSettings, StopReason, Strategy, set_relative_errors};
 use crate::build::{DeviceTree, Scratch, arrivals_length, record_refit};
 use crate::bvh::SahModel;
 use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::cost::{COST_CHUNK, CostParams};
-use prbvh_kernel::prbvh::{PrbvhParams, Reinsertion};
+use prbvh_kernel::prbvh::PrbvhParams;
+use prbvh_kernel::prbvh::decrease::{DECREASE_CHUNK, DecreaseParams};
 use prbvh_kernel::snapshot::{NodeLinks, SnapshotParams};
 use prbvh_kernel::status::{APPLIED, FAULTS, FOUND, MOST_STEPS, OWNED, REPORT_WORDS};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-/// What the optimiser did; the tree on the device is the best one.
+/// What an optimiser did; the tree is the best one.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// Row 0 is the initial tree.
@@ -22,7 +24,7 @@ pub struct Outcome {
     pub stop: StopReason,
     /// Time of every command.
     pub timings: Vec<Timing>,
-    /// Bytes of the device's buffers while the iterations ran.
+    /// Bytes of the device's buffers while the iterations ran; of the host's, if it was the host that optimised.
     pub working_bytes: u64,
 }
 
@@ -45,18 +47,11 @@ pub fn prbvh(
     settings: &PrbvhSettings,
     observe: &mut dyn FnMut(&IterationRow, &DeviceTree, &mut dyn Device) -> ControlFlow<()>,
 ) -> Result<Outcome, DeviceError> {
-    let mut working_set = WorkingSet::new(device, tree)?;
+    let mut working_set = WorkingSet::new(device, tree, settings.strategy)?;
     let working_bytes = device.memory().bytes;
     let (rows, stop) = working_set.run(device, settings, observe)?;
     working_set.scratch.free(device);
     Ok(Outcome { rows, stop, timings: working_set.timings, working_bytes })
-}
-
-/// Locks of one 64-bit word, or of two of 32 bits where the device has no 64-bit atomics.
-#[derive(Debug)]
-enum Locks {
-    Word(Buffer),
-    Words { decreases: Buffer, inputs: Buffer },
 }
 
 #[derive(Debug)]
@@ -65,9 +60,9 @@ struct WorkingSet<'a> {
     internal: u32,
     node_count: u32,
     scratch: Scratch,
-    found: Buffer,
-    locks: Locks,
+    moves: Moves,
     arrivals: Buffer,
+    /// Partial sums of areas, and from `area_chunks` on of decreases.
     partial: Buffer,
     report: Buffer,
     best_links: Buffer,
@@ -76,32 +71,24 @@ struct WorkingSet<'a> {
 }
 
 impl<'a> WorkingSet<'a> {
-    fn new(device: &mut dyn Device, tree: &'a DeviceTree) -> Result<Self, DeviceError> {
+    fn new(device: &mut dyn Device, tree: &'a DeviceTree, strategy: Strategy) -> Result<Self, DeviceError> {
         let node_count = DeviceTree::node_count(tree.references);
         let length = node_count as usize;
         let mut scratch = Scratch::default();
+        let moves = Moves::new(device, &mut scratch, strategy, length)?;
         let mut buffer = |label, length, bytes| scratch.allocate(device, label, length, bytes);
-        let found = buffer("found", length, size_of::<Reinsertion>())?;
         let arrivals = buffer("arrivals", arrivals_length(tree.references), 4)?;
-        let partial = buffer("partial costs", length.div_ceil(COST_CHUNK as usize), 4)?;
+        let chunks = node_count.div_ceil(COST_CHUNK) + node_count.div_ceil(DECREASE_CHUNK);
+        let partial = buffer("partial sums", chunks as usize, 4)?;
         let report = buffer("report", REPORT_WORDS as usize, 4)?;
         let best_links = buffer("best links", length, size_of::<NodeLinks>())?;
-        let locks = if device.info().atomics_64 {
-            Locks::Word(scratch.allocate(device, "locks", length, 8)?)
-        } else {
-            Locks::Words {
-                decreases: scratch.allocate(device, "locked decreases", length, 4)?,
-                inputs: scratch.allocate(device, "locked inputs", length, 4)?,
-            }
-        };
         let internal = tree.references - 1;
         Ok(Self {
             tree,
             internal,
             node_count,
             scratch,
-            found,
-            locks,
+            moves,
             arrivals,
             partial,
             report,
@@ -125,6 +112,7 @@ impl<'a> WorkingSet<'a> {
         let leaves = self.area_sum(device, self.internal, self.tree.references)?;
         let references = self.tree.references;
         let cost_of = |internal| cost_of_areas(internal, leaves, root, references);
+        let area_chunks = self.internal.div_ceil(COST_CHUNK) as usize;
         let internal = self.area_sum(device, 0, self.internal)?;
         let mut schedule = Schedule::new(settings, cost_of(internal));
         let mut rows = vec![IterationRow {
@@ -160,14 +148,16 @@ impl<'a> WorkingSet<'a> {
                 self.record_save(&mut recording);
             }
             let mu = schedule.mu();
-            self.record_iteration(&mut recording, mu, done % mu);
+            let searched = self.record_iteration(&mut recording, mu, done % mu);
             self.submit(device, &recording)?;
             let report = self.read_report(device)?;
             if report[FAULTS] != 0 {
                 is_best = false;
                 break StopReason::Fault(report[FAULTS]);
             }
-            let cost = cost_of(self.read_partial(device, self.internal)?);
+            let partial = self.read_partial(device, area_chunks + searched.div_ceil(DECREASE_CHUNK) as usize)?;
+            let (areas, decreases) = partial.split_at(area_chunks);
+            let cost = cost_of(sum(areas));
             is_best = cost < best;
             if is_best {
                 best = cost;
@@ -178,6 +168,11 @@ impl<'a> WorkingSet<'a> {
                 time_s: start.elapsed().as_secs_f64(),
                 device_s: self.device_s,
                 cost,
+                predicted_decrease: if root > 0.0 {
+                    SahModel::default().c_traversal * sum(decreases) / root
+                } else {
+                    0.0
+                },
                 found: report[FOUND],
                 owned: report[OWNED],
                 applied: report[APPLIED],
@@ -214,34 +209,21 @@ impl<'a> WorkingSet<'a> {
         self.submit(device, &recording)
     }
 
-    /// Records one iteration that searches every `mu`-th node from `first` on.
-    fn record_iteration(&self, recording: &mut Recording, mu: u32, first: u32) {
+    /// Records one iteration that searches every `mu`-th node from `first` on; returns how many these are.
+    fn record_iteration(&self, recording: &mut Recording, mu: u32, first: u32) -> u32 {
         let count = self.node_count.saturating_sub(first).div_ceil(mu);
         let params = PrbvhParams { count, mu, first, nodes: self.node_count };
         let nodes = &self.tree.nodes;
-        let (found, report) = (&self.found, &self.report);
+        let (found, report) = (&self.moves.found, &self.report);
         recording.clear("search", report);
-        recording.dispatch("search", Kernel::PrbvhSearch, count, &params, &[nodes, found, report]);
-        match &self.locks {
-            Locks::Word(locks) => {
-                recording.clear("lock", locks);
-                recording.dispatch("lock", Kernel::PrbvhLock, count, &params, &[nodes, found, locks]);
-                recording.dispatch("check", Kernel::PrbvhCheck, count, &params, &[nodes, locks, found, report]);
-            }
-            Locks::Words { decreases, inputs } => {
-                recording.clear("lock", decreases);
-                recording.clear("lock", inputs);
-                let buffers = [nodes, found, decreases];
-                recording.dispatch("lock", Kernel::PrbvhLockDecrease, count, &params, &buffers);
-                let buffers = [nodes, found, decreases, inputs];
-                recording.dispatch("lock", Kernel::PrbvhLockInput, count, &params, &buffers);
-                let buffers = [nodes, decreases, inputs, found, report];
-                recording.dispatch("check", Kernel::PrbvhCheckWords, count, &params, &buffers);
-            }
-        }
+        self.moves.record(recording, &params, nodes, report);
+        let chunks = count.div_ceil(DECREASE_CHUNK);
+        let sums = DecreaseParams { count: chunks, found: count, first: self.internal.div_ceil(COST_CHUNK) };
+        recording.dispatch("cost", Kernel::PrbvhDecrease, chunks, &sums, &[found, &self.partial]);
         recording.dispatch("reinsert", Kernel::PrbvhReinsert, count, &params, &[found, nodes, report]);
         record_refit(recording, self.tree.references, nodes, &self.arrivals);
         self.record_area_sum(recording, 0, self.internal);
+        count
     }
 
     fn record_area_sum(&self, recording: &mut Recording, first: u32, nodes: u32) {
@@ -256,13 +238,13 @@ impl<'a> WorkingSet<'a> {
         let mut recording = Recording::new();
         self.record_area_sum(&mut recording, first, nodes);
         self.submit(device, &recording)?;
-        self.read_partial(device, nodes)
+        Ok(sum(&self.read_partial(device, nodes.div_ceil(COST_CHUNK) as usize)?))
     }
 
-    fn read_partial(&self, device: &mut dyn Device, nodes: u32) -> Result<f64, DeviceError> {
-        let mut partial = vec![0.0f32; nodes.div_ceil(COST_CHUNK) as usize];
+    fn read_partial(&self, device: &mut dyn Device, chunks: usize) -> Result<Vec<f32>, DeviceError> {
+        let mut partial = vec![0.0f32; chunks];
         device.download(&self.partial, bytemuck::cast_slice_mut(&mut partial))?;
-        Ok(partial.iter().copied().map(f64::from).sum())
+        Ok(partial)
     }
 
     fn read_report(&self, device: &mut dyn Device) -> Result<[u32; REPORT_WORDS as usize], DeviceError> {
@@ -272,9 +254,14 @@ impl<'a> WorkingSet<'a> {
     }
 }
 
+/// Sum of partial sums, in f64.
+fn sum(partial: &[f32]) -> f64 {
+    partial.iter().copied().map(f64::from).sum()
+}
+
 /// SAH cost with one triangle per leaf, from sums of half areas. Where the root has no area every ratio counts as 1, as in
 /// [`crate::bvh`].
-fn cost_of_areas(internal: f64, leaves: f64, root: f64, references: u32) -> f64 {
+pub(super) fn cost_of_areas(internal: f64, leaves: f64, root: f64, references: u32) -> f64 {
     let SahModel { c_traversal, c_intersect } = SahModel::default();
     if root > 0.0 {
         (c_traversal * internal + c_intersect * leaves) / root

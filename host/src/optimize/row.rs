@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// An iteration; the fields are the columns of `iterations.csv`. Row 0 is the initial tree.
+/// An iteration; the fields are the columns of `iterations.csv`. Row 0 is the initial tree. What the counts mean for RBVH:
+/// [`rbvh`](super::rbvh()).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct IterationRow {
     /// Number; 0 is the initial tree.
@@ -15,6 +16,9 @@ pub struct IterationRow {
     pub device_s: f64,
     /// SAH cost after the iteration, one triangle per leaf, from f32 areas; unitless.
     pub cost: f64,
+    /// What the reinsertions made take off the cost by the search, each as if it were alone; unitless. With the conservative strategy the
+    /// cost falls by just that, up to rounding.
+    pub predicted_decrease: f64,
     /// `cost / best - 1` with the lowest cost of all rows; 0 until the run has ended.
     pub relative_error: f64,
     /// Reinsertions that the search found.

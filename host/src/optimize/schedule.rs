@@ -1,6 +1,6 @@
 //! When to search more nodes, and when to stop (Meister & Bittner 2018, §4.4).
 
-use super::IterationRow;
+use super::{IterationRow, Strategy};
 use serde::Serialize;
 use std::time::Duration;
 
@@ -17,6 +17,8 @@ pub enum Epsilon {
 /// Settings of the optimiser.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PrbvhSettings {
+    /// When a reinsertion may run beside others.
+    pub strategy: Strategy,
     /// Every `mu`-th node is searched, another set each iteration; at least 1. Falls to 1 as the cost settles.
     pub mu: u32,
     /// A smaller change of the cost ends the search with this `mu`.
@@ -32,7 +34,14 @@ pub struct PrbvhSettings {
 
 impl Default for PrbvhSettings {
     fn default() -> Self {
-        Self { mu: 9, epsilon: Epsilon::Relative(1e-4), max_iterations: 1000, max_time: None, patience: 20 }
+        Self {
+            strategy: Strategy::default(),
+            mu: 9,
+            epsilon: Epsilon::Relative(1e-4),
+            max_iterations: 1000,
+            max_time: None,
+            patience: 20,
+        }
     }
 }
 
@@ -50,6 +59,8 @@ pub enum StopReason {
     Cancelled,
     /// A kernel reported a fault; the best tree before it was kept.
     Fault(u32),
+    /// There was no optimiser to run.
+    NoOptimizer,
 }
 
 impl std::fmt::Display for StopReason {
@@ -59,6 +70,7 @@ impl std::fmt::Display for StopReason {
             Self::MaxIterations => f.write_str("iteration limit"),
             Self::MaxTime => f.write_str("time limit"),
             Self::Cancelled => f.write_str("cancelled"),
+            Self::NoOptimizer => f.write_str("no optimiser"),
             Self::Fault(bits) => write!(f, "fault {bits:#x} in a kernel"),
         }
     }

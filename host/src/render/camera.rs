@@ -27,13 +27,18 @@ impl Camera {
     /// # Errors
     /// If there is no such view or axis.
     pub fn view(number: u32, bounds: &Aabb, up: usize) -> Result<Self, RenderError> {
+        Ok(Self::views_from(number, bounds, up)?[0])
+    }
+
+    /// The view of that number, and others like it from other places.
+    pub(super) fn views_from(number: u32, bounds: &Aabb, up: usize) -> Result<Vec<Self>, RenderError> {
         if up > 2 {
             return Err(RenderError::Setting { name: "up", value: up.to_string(), need: "an axis from 0 to 2" });
         }
         let extent = |k: usize| f64::from(bounds.max[k]) - f64::from(bounds.min[k]);
         let (a, b) = ((up + 1) % 3, (up + 2) % 3);
         let (long, short) = if extent(a) >= extent(b) { (a, b) } else { (b, a) };
-        let at = |along: f64, across: f64, height: f64| {
+        let at = |[along, across, height]: [f64; 3]| {
             let mut p = [0.0f32; 3];
             for (k, part) in [(long, along), (short, across), (up, height)] {
                 p[k] = (f64::from(bounds.min[k]) + part * extent(k)) as f32;
@@ -42,19 +47,36 @@ impl Camera {
         };
         let mut axis = [0.0; 3];
         axis[up] = 1.0;
-        let camera = |eye, look_at, fov_degrees| Self { eye, look_at, up: axis, fov_degrees };
+        let camera = |eye: [f32; 3], mut look_at: [f32; 3], fov_degrees| {
+            // A scene without extent has one point, and no direction to look in.
+            if eye == look_at {
+                look_at[long] = if eye[long] == 0.0 { 1.0 } else { 0.5 * eye[long] };
+            }
+            Self { eye, look_at, up: axis, fov_degrees }
+        };
         match number {
             0 => {
                 let size = (0..3).map(|k| extent(k) * extent(k)).sum::<f64>().sqrt();
-                let centre = at(0.5, 0.5, 0.5);
+                let centre = at([0.5; 3]);
                 let mut eye = centre;
                 for (k, part) in [(long, 0.75), (short, 1.0), (up, 0.6)] {
                     eye[k] = (f64::from(centre[k]) + part * size) as f32;
                 }
-                Ok(camera(eye, centre, 45.0))
+                Ok(vec![camera(eye, centre, 45.0)])
             }
-            1 => Ok(camera(at(0.22, 0.5, 0.4), at(1.0, 0.5, 0.35), 75.0)),
-            2 => Ok(camera(at(0.72, 0.6, 0.5), at(0.2, 0.35, 0.2), 75.0)),
+            1 => Ok(places(0.22, 0.5, 0.4)
+                .map(|[along, across, height]| {
+                    let end = if along < 0.5 { 1.0 } else { 0.0 };
+                    camera(at([along, across, height]), at([end, 0.5, height - 0.05]), 75.0)
+                })
+                .collect()),
+            2 => Ok(places(0.72, 0.6, 0.5)
+                .map(|[along, across, height]| {
+                    let opposite = |x: f64, near: f64, far: f64| if x < 0.5 { far } else { near };
+                    let end = [opposite(along, 0.2, 0.8), opposite(across, 0.35, 0.65), 0.2];
+                    camera(at([along, across, height]), at(end), 75.0)
+                })
+                .collect()),
             _ => {
                 let need = "a view from 0 to 2";
                 Err(RenderError::Setting { name: "view", value: number.to_string(), need })
@@ -97,6 +119,17 @@ impl Camera {
         let aspect = f64::from(height) / f64::from(width);
         Ok([forward, right.map(|x| x * half), up.map(|x| x * half * aspect)].map(|v| v.map(|x| x as f32)))
     }
+}
+
+/// Places inside a scene as parts of its extents, the given one first.
+fn places(along: f64, across: f64, height: f64) -> impl Iterator<Item = [f64; 3]> {
+    const ALONG: [f64; 8] = [0.08, 0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.92];
+    const ACROSS: [f64; 5] = [0.5, 0.38, 0.62, 0.25, 0.75];
+    const HEIGHTS: [f64; 4] = [0.4, 0.25, 0.15, 0.6];
+    let others = ALONG.into_iter().flat_map(|along| {
+        ACROSS.into_iter().flat_map(move |across| HEIGHTS.into_iter().map(move |height| [along, across, height]))
+    });
+    std::iter::once([along, across, height]).chain(others)
 }
 
 /// A rectangle of light, in the trace range.

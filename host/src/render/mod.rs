@@ -1,11 +1,13 @@
 //! Pictures of a scene, to measure its tree: a path tracer ([`prbvh_kernel::trace::path`]) and what its rays cost.
 
 mod camera;
+mod clear;
 mod picture;
 mod wave;
 
 pub use camera::Camera;
-pub use picture::{Scale, heat_map, shaded, write_png};
+pub use clear::clear_view;
+pub use picture::{Scale, encode_png, heat_map, heat_map_in, shaded, write_png};
 
 use crate::bvh::{Bvh, ROOT};
 use crate::device::{Device, DeviceError, Timing};

@@ -27,12 +27,18 @@ pub fn shaded(rendering: &Rendering) -> Vec<u8> {
 /// largest but for one pixel in two hundred.
 #[must_use]
 pub fn heat_map(rendering: &Rendering) -> (Vec<u8>, Scale) {
-    let most = quantile(&mut rendering.tests.clone(), 0.995).unwrap_or(0.0).max(1.0);
+    let scale = Scale { most: quantile(&mut rendering.tests.clone(), 0.995).unwrap_or(0.0).max(1.0) };
+    (heat_map_in(rendering, scale), scale)
+}
+
+/// The tests of each pixel as colours of a given scale, so that two pictures can be compared.
+#[must_use]
+pub fn heat_map_in(rendering: &Rendering, scale: Scale) -> Vec<u8> {
     let colour = |&tests: &f32| {
-        let x = 3.0 * f64::from(tests) / f64::from(most);
+        let x = 3.0 * f64::from(tests) / f64::from(scale.most);
         [x, x - 1.0, x - 2.0].map(|part| (part.clamp(0.0, 1.0) * 255.0).round() as u8)
     };
-    (rendering.tests.iter().flat_map(colour).collect(), Scale { most })
+    rendering.tests.iter().flat_map(colour).collect()
 }
 
 /// The value that a part of all is not above.
@@ -56,13 +62,19 @@ fn encode(x: f64) -> u8 {
 /// # Errors
 /// If the file cannot be written.
 pub fn write_png(path: &Path, width: u32, height: u32, pixels: &[u8]) -> Result<(), WriteError> {
-    write_atomically(path, |out| {
-        let mut encoder = png::Encoder::new(out, width, height);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-        let mut writer = encoder.write_header().map_err(io::Error::other)?;
-        writer.write_image_data(pixels).map_err(io::Error::other)?;
-        writer.finish().map_err(io::Error::other)
-    })
+    write_atomically(path, |out| encode_png(out, width, height, pixels))
+}
+
+/// Writes `pixels[3 · width · height]` in the form of a PNG file.
+///
+/// # Errors
+/// If `out` fails, or there are not as many pixels.
+pub fn encode_png(out: &mut dyn io::Write, width: u32, height: u32, pixels: &[u8]) -> io::Result<()> {
+    let mut encoder = png::Encoder::new(out, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    let mut writer = encoder.write_header().map_err(io::Error::other)?;
+    writer.write_image_data(pixels).map_err(io::Error::other)?;
+    writer.finish().map_err(io::Error::other)
 }

@@ -23,6 +23,11 @@ impl Axis {
         Self { range: 0.0..if highest > 0.0 { highest * 1.04 } else { 1.0 }, log: false }
     }
 
+    /// The range as it is.
+    pub(super) fn between(low: f64, high: f64) -> Self {
+        Self { range: low..high, log: false }
+    }
+
     /// Around the values.
     pub(super) fn around(values: impl Iterator<Item = f64>) -> Self {
         let (low, high) = extremes(values).unwrap_or((0.0, 1.0));
@@ -68,6 +73,10 @@ impl Axis {
         self.log && (value <= 0.0 || value.log10() < self.range.start)
     }
 
+    pub(super) fn is_log(&self) -> bool {
+        self.log
+    }
+
     pub(super) fn range(&self) -> Range<f64> {
         self.range.clone()
     }
@@ -101,13 +110,13 @@ fn extremes(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
 }
 
 /// At most so many places, without zeros at the end.
-fn fixed(value: f64, places: usize) -> String {
+pub(super) fn fixed(value: f64, places: usize) -> String {
     let text = format!("{value:.places$}");
     let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
     if text == "-0" { "0".to_owned() } else { text.to_owned() }
 }
 
-fn superscript(value: i32) -> String {
+pub(super) fn superscript(value: i32) -> String {
     const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
     let digit = |c: char| c.to_digit(10).map_or('⁻', |digit| DIGITS[digit as usize]);
     value.to_string().chars().map(digit).collect()

@@ -1,7 +1,7 @@
 //! Numbers for people.
 
 /// With a comma between thousands: `1,442,014`.
-pub(super) fn count(value: u64) -> String {
+pub(crate) fn count(value: u64) -> String {
     let digits = value.to_string();
     let mut text = String::with_capacity(digits.len() + digits.len() / 3);
     for (k, digit) in digits.chars().enumerate() {
@@ -14,7 +14,7 @@ pub(super) fn count(value: u64) -> String {
 }
 
 /// With the unit that leaves one to three digits before the point: `12.3 ms`.
-pub(super) fn seconds(value: f64) -> String {
+pub(crate) fn seconds(value: f64) -> String {
     let (scaled, unit) = match value {
         v if v >= 1.0 || v == 0.0 => (v, "s"),
         v if v >= 1e-3 => (v * 1e3, "ms"),
@@ -24,7 +24,7 @@ pub(super) fn seconds(value: f64) -> String {
 }
 
 /// In KiB, MiB or GiB: `12.3 MiB`.
-pub(super) fn bytes(value: u64) -> String {
+pub(crate) fn bytes(value: u64) -> String {
     const UNITS: [&str; 4] = ["KiB", "MiB", "GiB", "TiB"];
     if value < 1024 {
         return format!("{value} B");
@@ -39,7 +39,7 @@ pub(super) fn bytes(value: u64) -> String {
 }
 
 /// Three digits, more before the point where it takes them: `1.23`, `12.3`, `123`, `1234`.
-pub(super) fn significant(value: f64) -> String {
+pub(crate) fn significant(value: f64) -> String {
     let magnitude = value.abs();
     let places = match magnitude {
         m if m >= 99.95 => 0,
@@ -50,7 +50,7 @@ pub(super) fn significant(value: f64) -> String {
 }
 
 /// The text, or its start and an ellipsis if it has more than `most` characters.
-pub(super) fn shortened(text: &str, most: usize) -> String {
+pub(crate) fn shortened(text: &str, most: usize) -> String {
     if text.chars().count() <= most {
         return text.to_owned();
     }

@@ -2,9 +2,11 @@
 
 mod axis;
 mod csv;
-mod format;
+pub mod figures;
+pub(crate) mod format;
 mod json;
 mod machine;
+pub mod page;
 mod phases;
 pub mod plot;
 mod run;

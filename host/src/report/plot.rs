@@ -17,7 +17,7 @@ const LONG_RUN: f64 = 30.0;
 /// A plot that could not be drawn.
 #[derive(Debug, thiserror::Error)]
 #[error("the plot could not be drawn: {0}")]
-pub struct PlotError(String);
+pub struct PlotError(pub(super) String);
 
 /// A curve with text at some of its points.
 struct Panel {

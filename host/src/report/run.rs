@@ -4,7 +4,7 @@ use super::{Machine, Phase};
 use crate::bvh::{Quality, SahModel};
 use crate::collapse::CollapseSettings;
 use crate::device::DeviceInfo;
-use crate::optimize::IterationRow;
+use crate::optimize::{IterationRow, RbvhSettings};
 use serde::Serialize;
 
 /// Version of [`RunReport`] as JSON; grows when a key changes its meaning or goes away.
@@ -108,6 +108,12 @@ pub struct Settings {
     pub initial: String,
     /// Radius of PLOC; none for another builder.
     pub radius: Option<u32>,
+    /// Leaves of the treelets of ATRBVH; none for another builder.
+    pub treelet: Option<u32>,
+    /// Optimiser: `prbvh`, `rbvh` or `none`. `strategy`, `mu` and `epsilon` are for `prbvh` alone.
+    pub optimizer: String,
+    /// Settings of RBVH; none for another optimiser.
+    pub rbvh: Option<RbvhSettings>,
     /// Locking strategy.
     pub strategy: String,
     /// Sparse search: one node in `mu` is searched per iteration, at first.

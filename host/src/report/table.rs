@@ -34,7 +34,7 @@ fn outcome(report: &RunReport, width: u16) -> Table {
     row("triangles", format::count(report.triangles.into()));
     row("device", report.device.clone());
     row("initial cost", format!("{} ({})", cost(report.initial_cost), report.settings.initial));
-    row("final cost", cost(report.final_cost));
+    row("final cost", format!("{} ({})", cost(report.final_cost), report.settings.optimizer));
     if ratio.is_finite() {
         row("final / initial", format!("{ratio:.4}"));
     }

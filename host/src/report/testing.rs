@@ -16,6 +16,7 @@ pub(super) fn report(iterations: u32) -> RunReport {
             time_s: 0.06 * k + 0.001 * (k * 7.0 % 5.0),
             device_s: if iteration == 0 { 0.0 } else { 0.055 },
             cost: 195.0 + 117.5 * (-0.15 * k).exp() + bump,
+            predicted_decrease: 117.5 * (-0.15 * k).exp() * (0.15f64.exp() - 1.0),
             relative_error: 0.0,
             found: 60_000 / (iteration + 1),
             owned: 50_000 / (iteration + 1),
@@ -57,6 +58,9 @@ pub(super) fn report(iterations: u32) -> RunReport {
         settings: Settings {
             initial: "lbvh".to_owned(),
             radius: None,
+            treelet: None,
+            optimizer: "prbvh".to_owned(),
+            rbvh: None,
             strategy: "aggressive".to_owned(),
             mu: 9,
             epsilon: 1e-4,

@@ -1,11 +1,12 @@
 //! Sizes and costs of subtrees, bottom-up.
 //!
-//! Kind: climb, with the discipline of [`crate::refit`]: what one invocation hands to another goes through atomics, before an
-//! acquiring arrival. Areas are those of f32 in one fixed order, so that every device decides alike.
+//! Kind: [`climb`](mod@crate::climb). Areas are those of f32 in one fixed order, so that every device decides alike.
 
 use super::{COST, HEIGHT, LEAF, REMAINING, SIZE, word};
+use crate::climb::climb;
+use crate::math::umax;
 use crate::mem::AtomicU32;
-use crate::node::{Links, NO_NODE, Node, ROOT};
+use crate::node::{Node, ROOT};
 use bytemuck::{Pod, Zeroable};
 
 /// Smallest relative area that counts: 2^-100. Products stay normal numbers, which no device flushes.
@@ -49,30 +50,24 @@ fn relative_area(node: &Node, scale: f32) -> f32 {
 #[inline(always)]
 pub fn sizes(i: u32, params: &CollapseParams, nodes: &[Node], subtrees: &[AtomicU32], arrivals: &[AtomicU32]) {
     let scale = area_scale(nodes[ROOT as usize].aabb().half_area());
-    let mut v = params.count - 1 + i;
-    subtrees[word(v, SIZE)].store(1 | LEAF);
-    subtrees[word(v, REMAINING)].store(1);
-    subtrees[word(v, COST)].store_f32(params.c_intersect * relative_area(&nodes[v as usize], scale));
-    subtrees[word(v, HEIGHT)].store(0);
-    for _ in 0..params.count {
-        let p = nodes.parent(v);
-        if p == NO_NODE || arrivals[p as usize].arrive() == 0 {
-            break;
-        }
-        let left = nodes.down(p);
-        let right = nodes.up(left);
+    let leaf = params.count - 1 + i;
+    subtrees[word(leaf, SIZE)].store(1 | LEAF);
+    subtrees[word(leaf, REMAINING)].store(1);
+    subtrees[word(leaf, COST)].store_f32(params.c_intersect * relative_area(&nodes[leaf as usize], scale));
+    subtrees[word(leaf, HEIGHT)].store(0);
+    let CollapseParams { count, c_traversal, c_intersect, max_leaf } = *params;
+    climb(i, count, nodes, arrivals, move |p, left, right| {
         let size = (subtrees[word(left, SIZE)].load() & !LEAF) + (subtrees[word(right, SIZE)].load() & !LEAF);
         let remaining = 1 + subtrees[word(left, REMAINING)].load() + subtrees[word(right, REMAINING)].load();
         let below = subtrees[word(left, COST)].load_f32() + subtrees[word(right, COST)].load_f32();
         let (left_height, right_height) = (subtrees[word(left, HEIGHT)].load(), subtrees[word(right, HEIGHT)].load());
         let area = relative_area(&nodes[p as usize], scale);
-        let as_node = params.c_traversal * area + below;
-        let as_leaf = params.c_intersect * area * size as f32;
-        let is_leaf = size <= params.max_leaf && as_leaf < as_node;
+        let as_node = c_traversal * area + below;
+        let as_leaf = c_intersect * area * size as f32;
+        let is_leaf = size <= max_leaf && as_leaf < as_node;
         subtrees[word(p, SIZE)].store(if is_leaf { size | LEAF } else { size });
         subtrees[word(p, REMAINING)].store(if is_leaf { 1 } else { remaining });
         subtrees[word(p, COST)].store_f32(if is_leaf { as_leaf } else { as_node });
-        subtrees[word(p, HEIGHT)].store(1 + if left_height > right_height { left_height } else { right_height });
-        v = p;
-    }
+        subtrees[word(p, HEIGHT)].store(1 + umax(left_height, right_height));
+    });
 }

@@ -1,4 +1,4 @@
-//! Parallel reinsertion: search, lock, check, reinsert.
+//! Parallel reinsertion: search, lock, check, reinsert. Lock and check are those of the aggressive strategy; [`conservative`] has others.
 //!
 //! Source: Meister & Bittner, *Parallel Reinsertion for Bounding Volume Hierarchy Optimization*, CGF 37(2), 2018.
 //!
@@ -36,6 +36,8 @@
 //! `cost` checks the claim after every iteration.
 
 pub mod check;
+pub mod conservative;
+pub mod decrease;
 pub mod lock;
 pub mod reinsert;
 pub mod search;
@@ -58,7 +60,7 @@ impl Reinsertion {
     pub const NONE: Self = Self { area_decrease: 0.0, output: NO_NODE };
 }
 
-/// Push constants of the four kernels.
+/// Push constants of the kernels of an iteration.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct PrbvhParams {

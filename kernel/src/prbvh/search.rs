@@ -25,22 +25,43 @@ pub const MAX_STEPS: u32 = 4096;
 /// Invocation `i` searches for input node `params.input(i)`.
 #[inline(always)]
 pub fn search(i: u32, params: &PrbvhParams, nodes: &[Node], found: &[Slot<Reinsertion>], report: &[AtomicU32]) {
+    search_one(i, params, nodes, found, report);
+}
+
+/// As [`search`]; `tops[i]` becomes the child of the pivot above the output, which may be the output itself. Without an output it has no meaning.
+#[inline(always)]
+pub fn search_top(
+    i: u32,
+    params: &PrbvhParams,
+    nodes: &[Node],
+    found: &[Slot<Reinsertion>],
+    tops: &[Slot<u32>],
+    report: &[AtomicU32],
+) {
+    tops[i as usize].set(search_one(i, params, nodes, found, report));
+}
+
+#[inline(always)]
+fn search_one(i: u32, params: &PrbvhParams, nodes: &[Node], found: &[Slot<Reinsertion>], report: &[AtomicU32]) -> u32 {
     let input = params.input(i);
     let mut best = Reinsertion::NONE;
+    let mut top = NO_NODE;
     if input != ROOT && input < params.nodes {
-        let (candidate, pivot) = best_output(input, params.nodes, nodes, report);
+        let (candidate, candidate_top) = best_output(input, params.nodes, nodes, report);
         if candidate != NO_NODE {
-            let area_decrease = checked_area_decrease(input, candidate, pivot, nodes);
+            let area_decrease = checked_area_decrease(input, candidate, nodes.parent(candidate_top), nodes);
             if area_decrease > 0.0 {
                 best = Reinsertion { area_decrease, output: candidate };
+                top = candidate_top;
                 report[FOUND].add(1);
             }
         }
     }
     found[i as usize].set(best);
+    top
 }
 
-/// The best output node and its pivot; [`NO_NODE`] if no move promises a decrease.
+/// The best output node and the child of its pivot above it; [`NO_NODE`] if no move promises a decrease.
 #[inline(always)]
 fn best_output(input: u32, node_count: u32, nodes: &[Node], report: &[AtomicU32]) -> (u32, u32) {
     let internal = node_count / 2;
@@ -53,7 +74,7 @@ fn best_output(input: u32, node_count: u32, nodes: &[Node], report: &[AtomicU32]
 
     let mut best = 0.0f32;
     let mut output = NO_NODE;
-    let mut output_pivot = NO_NODE;
+    let mut output_top = NO_NODE;
 
     let mut pivot = parent;
     // The subtree to search below the pivot, and the box of the pivot without the input.
@@ -75,7 +96,7 @@ fn best_output(input: u32, node_count: u32, nodes: &[Node], report: &[AtomicU32]
             if decrease > best {
                 best = decrease;
                 output = v;
-                output_pivot = pivot;
+                output_top = top;
             }
         }
         // Written so that a NaN does not descend.
@@ -123,7 +144,7 @@ fn best_output(input: u32, node_count: u32, nodes: &[Node], report: &[AtomicU32]
         status::raise(report, FAULT_SEARCH_STEPS);
     }
     report[MOST_STEPS].max(steps);
-    (output, output_pivot)
+    (output, output_top)
 }
 
 /// The area decrease of a reinsertion, from its definition; 0 if rounding could account for it or if it might close a loop (see

@@ -54,7 +54,10 @@ struct Row {
 fn main() {
     let arguments = Arguments::parse();
     let (machine, program) = (Machine::current(), Program::current());
-    println!("prbvh {} ({}), {}, {} cores, {}", program.version, program.commit, machine.cpu, machine.cores, machine.os);
+    println!(
+        "prbvh {} ({}), {}, {} cores, {}",
+        program.version, program.commit, machine.cpu, machine.cores, machine.os
+    );
     println!("\n| scene | triangles | device | part | ms | device ms | million a second | cost | answer |");
     println!("|---|--:|---|---|--:|--:|--:|--:|---|");
     let mut rows = Vec::new();

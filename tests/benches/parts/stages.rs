@@ -1,12 +1,13 @@
 //! The parts, one by one.
 
 use crate::rays;
-use prbvh::build::{self, DEFAULT_RADIUS, DeviceTree, MortonBits};
+use prbvh::build::{self, DEFAULT_RADIUS, DeviceTree, MortonBits, TreeletSize};
 use prbvh::bvh::{self, Bvh, ROOT, SahModel, quality, tree_hash};
 use prbvh::collapse::{CollapseSettings, collapse};
 use prbvh::device::{Device, Timing};
 use prbvh::scene::{SafeRange, Scene};
 use prbvh::trace::{Hit, Query, TraceScene, trace};
+use prbvh_kernel::node::Node;
 use serde::Serialize;
 use std::num::NonZeroU32;
 use std::time::Instant;
@@ -44,6 +45,13 @@ pub(crate) fn measure(device: &mut dyn Device, scene: &Scene, repetitions: usize
             (tree, timings)
         }));
     }
+    let treelet = TreeletSize::DEFAULT;
+    rows.push(builder(&format!("atrbvh treelet={treelet}"), device, scene, repetitions, &mut |device| {
+        let (tree, timings, _) = build::atrbvh(device, &working, bits, treelet).expect("it fits");
+        (tree, timings)
+    }));
+    rows.push(on_host("sah-sweep", scene, repetitions, &mut || build::sah_sweep(&working)));
+    rows.push(on_host("sah-binned", scene, repetitions, &mut || build::sah_binned(&working)));
     let (tree, _) = build::lbvh(device, &working, bits).expect("it fits");
     let settings = CollapseSettings::default();
     let mut collapsed = None;
@@ -87,19 +95,27 @@ fn builder(
         let seconds = start.elapsed().as_secs_f64();
         let nodes = tree.download(device).expect("the device works");
         tree.free(device);
-        let tree = Bvh::from_device(&nodes).unwrap_or_else(|faults| panic!("{name}: {}", bvh::summary(&faults)));
-        let tree = tree.with_boxes_of(&scene.triangles);
-        (seconds, timings, Some(valid_cost(&tree, scene)), tree_hash(&tree))
+        let (cost, hash) = checked(&nodes, scene);
+        (seconds, timings, Some(cost), hash)
     })
 }
 
+/// A builder that runs on no device.
+fn on_host(name: &str, scene: &Scene, repetitions: usize, build: &mut dyn FnMut() -> Vec<Node>) -> Measured {
+    repeated(name, scene.triangles.len(), repetitions, &mut || {
+        let start = Instant::now();
+        let nodes = build();
+        let seconds = start.elapsed().as_secs_f64();
+        let (cost, hash) = checked(&nodes, scene);
+        (seconds, Vec::new(), Some(cost), hash)
+    })
+}
+
+/// What one run of a part gave: wall time in seconds, times on the device, cost, answer.
+type Run = (f64, Vec<Timing>, Option<f64>, String);
+
 /// Runs `part` once to warm up and then `repetitions` times; its answers must agree.
-fn repeated(
-    name: &str,
-    items: usize,
-    repetitions: usize,
-    part: &mut dyn FnMut() -> (f64, Vec<Timing>, Option<f64>, String),
-) -> Measured {
+fn repeated(name: &str, items: usize, repetitions: usize, part: &mut dyn FnMut() -> Run) -> Measured {
     let (_, _, cost, answer) = part();
     let (mut wall, mut on_device) = (Vec::new(), Vec::new());
     for repetition in 0..repetitions.max(1) {
@@ -110,6 +126,13 @@ fn repeated(
     }
     let (seconds, device_s) = (median(&mut wall), median(&mut on_device));
     Measured { part: name.to_owned(), seconds, device_s, items, cost, answer }
+}
+
+/// Cost and hash of a tree in the form of the devices.
+fn checked(nodes: &[Node], scene: &Scene) -> (f64, String) {
+    let tree = Bvh::from_device(nodes).unwrap_or_else(|faults| panic!("{}", bvh::summary(&faults)));
+    let tree = tree.with_boxes_of(&scene.triangles);
+    (valid_cost(&tree, scene), tree_hash(&tree))
 }
 
 fn valid_cost(tree: &Bvh, scene: &Scene) -> f64 {

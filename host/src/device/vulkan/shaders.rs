@@ -3,11 +3,11 @@
 use prbvh_kernel::Kernel;
 
 macro_rules! modules {
-    ($($kernel:ident: $name:literal),+ $(,)?) => {
+    ($($(#[$cfg:meta])* $kernel:ident: $name:literal),+ $(,)?) => {
         /// Bytes of the module of a kernel. A kernel without one does not compile.
         fn bytes(kernel: Kernel) -> &'static [u8] {
             match kernel {
-                $(Kernel::$kernel => include_bytes!(concat!("../../../../kernel/spv/", $name, ".spv"))),+
+                $($(#[$cfg])* Kernel::$kernel => include_bytes!(concat!("../../../../kernel/spv/", $name, ".spv"))),+
             }
         }
     };
@@ -30,6 +30,10 @@ modules! {
     PlocNearest: "ploc_nearest",
     PlocMark: "ploc_mark",
     PlocMerge: "ploc_merge",
+    #[cfg(feature = "atrbvh")]
+    AtrbvhLevels: "atrbvh_levels",
+    #[cfg(feature = "atrbvh")]
+    AtrbvhRestructure: "atrbvh_restructure",
     Refit: "refit_climb",
     Cost: "cost_sums",
     PrbvhSearch: "prbvh_search",
@@ -38,6 +42,13 @@ modules! {
     PrbvhLockInput: "prbvh_lock_input",
     PrbvhCheck: "prbvh_check",
     PrbvhCheckWords: "prbvh_check_words",
+    PrbvhSearchTop: "prbvh_search_top",
+    ConservativeLock: "conservative_lock",
+    ConservativeLockDecrease: "conservative_lock_decrease",
+    ConservativeLockInput: "conservative_lock_input",
+    ConservativeCheck: "conservative_check",
+    ConservativeCheckWords: "conservative_check_words",
+    PrbvhDecrease: "prbvh_decrease",
     PrbvhReinsert: "prbvh_reinsert",
     SnapshotSave: "snapshot_save",
     SnapshotRestore: "snapshot_restore",
@@ -117,7 +128,10 @@ mod tests {
     #[test]
     fn only_locks_of_one_word_need_64_bits() {
         for &kernel in Kernel::ALL {
-            let is_of_one_word = matches!(kernel, Kernel::PrbvhLock | Kernel::PrbvhCheck);
+            let is_of_one_word = matches!(
+                kernel,
+                Kernel::PrbvhLock | Kernel::PrbvhCheck | Kernel::ConservativeLock | Kernel::ConservativeCheck
+            );
             assert_eq!(needs_atomics_64(&words(kernel)), is_of_one_word, "{kernel:?}");
         }
         assert!(!needs_atomics_64(&[0x0723_0203, 0x0001_0500, 0, 1, 0, 0x0002_0011, 1]), "a module with Shader alone");

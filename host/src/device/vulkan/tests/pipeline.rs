@@ -4,7 +4,7 @@ use super::{left_out, open, options, random};
 use crate::build::{MortonBits, lbvh};
 use crate::device::vulkan::{Access, Options};
 use crate::device::{Device, cpu::CpuDevice};
-use crate::optimize::{PrbvhSettings, prbvh};
+use crate::optimize::{PrbvhSettings, Strategy, prbvh};
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
 use std::ops::ControlFlow;
@@ -23,9 +23,9 @@ fn soup(count: usize) -> Vec<Triangle> {
 }
 
 /// The trees before the iterations, after each of them, and the best.
-fn trees(device: &mut dyn Device, triangles: &[Triangle], bits: MortonBits) -> Vec<Vec<Node>> {
+fn trees(device: &mut dyn Device, triangles: &[Triangle], bits: MortonBits, strategy: Strategy) -> Vec<Vec<Node>> {
     let (tree, _) = lbvh(device, triangles, bits).unwrap();
-    let settings = PrbvhSettings { max_iterations: 12, ..PrbvhSettings::default() };
+    let settings = PrbvhSettings { strategy, max_iterations: 12, ..PrbvhSettings::default() };
     let mut trees = Vec::new();
     let outcome = prbvh(device, &tree, &settings, &mut |_, tree, device| {
         trees.push(tree.download(device).unwrap());
@@ -44,17 +44,25 @@ fn every_iteration_has_the_bits_of_the_cpu_device() {
         return;
     }
     let triangles = soup(20_000);
-    for bits in [MortonBits::Thirty, MortonBits::Sixty] {
-        let native = trees(&mut CpuDevice::new(2).unwrap(), &triangles, bits);
+    let cases = [
+        (MortonBits::Thirty, Strategy::Aggressive),
+        (MortonBits::Sixty, Strategy::Aggressive),
+        (MortonBits::Sixty, Strategy::Conservative),
+    ];
+    for (bits, strategy) in cases {
+        let native = trees(&mut CpuDevice::new(2).unwrap(), &triangles, bits, strategy);
         for (atomics_64, access) in [(true, Access::WherePossible), (false, Access::Never)] {
             let mut device = open(Options { atomics_64, ..options(access) });
-            let vulkan = trees(&mut device, &triangles, bits);
+            let vulkan = trees(&mut device, &triangles, bits, strategy);
             device.close().unwrap();
             assert_eq!(vulkan.len(), native.len());
             let same =
                 |k: &usize| bytemuck::cast_slice::<_, u8>(&vulkan[*k]) == bytemuck::cast_slice::<_, u8>(&native[*k]);
             let first = (0..native.len()).find(|k| !same(k));
-            assert_eq!(first, None, "the first tree that differs; {bits:?}, 64-bit atomics: {atomics_64}");
+            assert_eq!(
+                first, None,
+                "the first tree that differs; {bits:?}, {strategy:?}, 64-bit atomics: {atomics_64}"
+            );
         }
     }
 }

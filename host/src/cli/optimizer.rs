@@ -1,0 +1,116 @@
+//! The arguments that choose the optimiser.
+
+use super::args::OptimizeArgs;
+use clap::{Args, ValueEnum};
+use prbvh::optimize::RbvhSettings;
+use prbvh::pipeline::Optimizer;
+use std::time::Duration;
+
+/// The optimiser, and what RBVH alone needs.
+#[derive(Clone, Debug, Args)]
+pub(super) struct OptimizerArgs {
+    /// prbvh: parallel, on the device; rbvh: Bittner, Hapala & Havran 2013, on one thread; none: the initial tree as it is.
+    #[arg(long, value_enum, default_value_t)]
+    optimizer: OptimizerArg,
+    /// Part of the nodes that a batch of RBVH reinserts [default: 0.01].
+    #[arg(long, value_name = "PART", value_parser = part, allow_negative_numbers = true)]
+    batch: Option<f64>,
+    /// Seed of the nodes that RBVH picks at random [default: 1].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    seed: Option<u64>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum OptimizerArg {
+    #[default]
+    Prbvh,
+    Rbvh,
+    None,
+}
+
+impl OptimizerArgs {
+    /// The optimiser that the arguments say.
+    ///
+    /// # Errors
+    /// If a setting is for another one.
+    pub(super) fn settings(&self, args: &OptimizeArgs, max_time: Option<Duration>) -> anyhow::Result<Optimizer> {
+        let defaults = RbvhSettings::default();
+        let chosen = match self.optimizer {
+            OptimizerArg::Prbvh => Optimizer::Prbvh,
+            OptimizerArg::None => Optimizer::None,
+            OptimizerArg::Rbvh => Optimizer::Rbvh(RbvhSettings {
+                batch: self.batch.unwrap_or(defaults.batch),
+                max_iterations: args.max_iterations.unwrap_or(defaults.max_iterations),
+                max_time,
+                seed: self.seed.unwrap_or(defaults.seed),
+                ..defaults
+            }),
+        };
+        let prbvh = [
+            ("--mu", args.mu.is_some()),
+            ("--epsilon", args.epsilon.is_some()),
+            ("--epsilon-absolute", args.epsilon_absolute.is_some()),
+        ];
+        let rbvh = [("--batch", self.batch.is_some()), ("--seed", self.seed.is_some())];
+        for (name, own, settings) in
+            [("prbvh", OptimizerArg::Prbvh, &prbvh[..]), ("rbvh", OptimizerArg::Rbvh, &rbvh[..])]
+        {
+            let foreign = settings.iter().find(|(_, is_set)| *is_set && self.optimizer != own);
+            if let Some((argument, _)) = foreign {
+                anyhow::bail!("{argument} is for --optimizer {name}, not for {chosen}");
+            }
+        }
+        Ok(chosen)
+    }
+}
+
+fn part(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(part) if part > 0.0 && part <= 1.0 => Ok(part),
+        _ => Err("not a number above 0 and at most 1".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::args::{Cli, Command};
+    use super::*;
+    use clap::Parser;
+
+    #[test]
+    fn an_optimizer_takes_its_own_settings_only() {
+        let optimizer = |arguments: &str| {
+            let arguments = ["prbvh", "optimize"].into_iter().chain(arguments.split_whitespace());
+            let cli = Cli::try_parse_from(arguments).map_err(|error| error.to_string())?;
+            let Some(Command::Optimize(args)) = cli.command else { panic!("`optimize` was said") };
+            args.settings().map(|settings| settings.optimizer).map_err(|error| error.to_string())
+        };
+        assert_eq!(optimizer(""), Ok(Optimizer::Prbvh));
+        assert_eq!(optimizer("--optimizer prbvh --mu 4 --epsilon 0"), Ok(Optimizer::Prbvh));
+        assert_eq!(optimizer("--optimizer none"), Ok(Optimizer::None));
+        assert_eq!(optimizer("--optimizer rbvh"), Ok(Optimizer::Rbvh(RbvhSettings::default())));
+        let expected = RbvhSettings {
+            batch: 0.5,
+            seed: 7,
+            max_iterations: 3,
+            max_time: Some(Duration::from_secs(2)),
+            ..RbvhSettings::default()
+        };
+        let arguments = "--optimizer rbvh --batch 0.5 --seed 7 --max-iterations 3 --max-time 2";
+        assert_eq!(optimizer(arguments), Ok(Optimizer::Rbvh(expected)));
+        for (arguments, part) in [
+            ("--optimizer rbvh --mu 9", "--mu is for --optimizer prbvh, not for rbvh"),
+            ("--optimizer none --epsilon 0.1", "--epsilon is for --optimizer prbvh, not for none"),
+            ("--optimizer rbvh --epsilon-absolute 0.1", "--epsilon-absolute is for --optimizer prbvh"),
+            ("--batch 0.1", "--batch is for --optimizer rbvh, not for prbvh"),
+            ("--optimizer none --seed 1", "--seed is for --optimizer rbvh, not for none"),
+            ("--optimizer rbvh --batch 0", "above 0 and at most 1"),
+            ("--optimizer rbvh --batch 1.5", "above 0 and at most 1"),
+            ("--optimizer rbvh --batch nan", "above 0 and at most 1"),
+            ("--optimizer sah", "rbvh"),
+        ] {
+            let error = optimizer(arguments).unwrap_err();
+            assert!(error.contains(part), "{arguments}: {error}");
+        }
+    }
+}

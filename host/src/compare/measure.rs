@@ -1,0 +1,194 @@
+//! One method on one scene: the tree, measured.
+
+use super::meter::Meter;
+use super::methods::{Builder, HostBuilt, Job};
+use super::peers::{self, PeerError, PeerHost};
+use super::{MethodError, OptimizerRun, Purpose};
+use crate::build::DeviceTree;
+use crate::bvh::{self, Bvh, Quality, SahModel};
+use crate::collapse::{CollapseSettings, collapse};
+use crate::device::{Device, DeviceKind};
+use crate::optimize::{IterationRow, StopReason};
+use crate::pipeline::{self, Settings};
+use crate::report::PhaseTimes;
+use crate::scene::{SafeRange, Scene};
+use prbvh_kernel::setup::Triangle;
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+/// A scene, and its triangles in the safe range.
+#[derive(Debug)]
+pub(super) struct Subject<'a> {
+    pub(super) scene: &'a Scene,
+    working: Vec<Triangle>,
+}
+
+/// What methods run with.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Host {
+    /// Threads of what runs on the CPU; 0: one per core.
+    pub(super) threads: usize,
+    /// How peers are run.
+    pub(super) peers: Option<PeerHost>,
+}
+
+/// A tree with one triangle per leaf, and how it came about.
+#[derive(Clone, Debug)]
+pub(super) struct Made {
+    pub(super) tree: Bvh,
+    pub(super) quality: Quality,
+    pub(super) hash: String,
+    /// Wall time from the triangles, seconds.
+    pub(super) wall_s: f64,
+    /// Of it, time of the kernels, seconds.
+    pub(super) device_s: Option<f64>,
+    /// Most bytes of device buffers.
+    pub(super) bytes: Option<u64>,
+    pub(super) threads: u32,
+    pub(super) run: OptimizerRun,
+}
+
+impl<'a> Subject<'a> {
+    pub(super) fn new(scene: &'a Scene) -> Self {
+        Self { scene, working: SafeRange::of(&scene.triangles).apply(&scene.triangles) }
+    }
+
+    /// Runs a method. `device` is for those that run on one.
+    pub(super) fn make(&self, job: &Job, device: &mut dyn Device, host: &Host) -> Result<Made, MethodError> {
+        let is_cpu = device.info().kind == DeviceKind::Cpu;
+        let threads = u32::try_from(if is_cpu { host.threads } else { 0 }).unwrap_or(u32::MAX);
+        let mut made = match &job.builder {
+            Builder::Initial(settings) => self.initial(settings, device)?,
+            Builder::Prbvh(settings) => self.prbvh(settings, device)?,
+            Builder::Host { threads, build } => return self.on_host(job, threads.unwrap_or(host.threads), *build),
+            Builder::Peer(peer) => return self.by_peer(job, peer, host),
+        };
+        made.threads = threads;
+        made.run.method.clone_from(&job.method);
+        Ok(made)
+    }
+
+    fn initial(&self, settings: &Settings, device: &mut dyn Device) -> Result<Made, MethodError> {
+        let mut meter = Meter::new(device);
+        let built = pipeline::build_initial(self.scene, &mut meter, settings)?;
+        let mut run = run_of_builder(&built.quality, built.build_s);
+        run.initial = settings.initial.to_string();
+        Ok(metered(&meter, built.tree, built.quality, built.build_s, run))
+    }
+
+    fn prbvh(&self, settings: &Settings, device: &mut dyn Device) -> Result<Made, MethodError> {
+        let mut meter = Meter::new(device);
+        let result = pipeline::optimize(self.scene, &mut meter, settings, &mut |_| ControlFlow::Continue(()))?;
+        if let StopReason::Fault(_) = result.outcome.stop {
+            return Err(MethodError::Fault(result.outcome.stop.to_string()));
+        }
+        let run = OptimizerRun {
+            initial: settings.initial.to_string(),
+            strategy: settings.prbvh.strategy.to_string(),
+            mu: settings.prbvh.mu,
+            rows: result.outcome.rows,
+            ..run_of_builder(&result.quality, result.build_s)
+        };
+        Ok(metered(&meter, result.tree, result.quality, result.build_s + result.optimize_s, run))
+    }
+
+    fn on_host(
+        &self,
+        job: &Job,
+        threads: usize,
+        build: fn(&[Triangle]) -> Result<HostBuilt, MethodError>,
+    ) -> Result<Made, MethodError> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+        let start = Instant::now();
+        let built = pool.install(|| build(&self.working))?;
+        let wall_s = start.elapsed().as_secs_f64();
+        let tree = Bvh::from_device(&built.nodes).map_err(MethodError::InvalidTree)?;
+        let (tree, quality) = checked(tree, self.scene)?;
+        let mut run = run_of_builder(&quality, wall_s);
+        if let Some((build_s, rows)) = built.optimizer {
+            (run.build_s, run.rows) = (build_s, rows);
+        }
+        Ok(self.by_others(job, "cpu (host)", threads, (tree, quality), wall_s, run))
+    }
+
+    fn by_peer(&self, job: &Job, peer: &str, host: &Host) -> Result<Made, MethodError> {
+        let program = host.peers.as_ref().ok_or(PeerError::NoHost)?;
+        let built = peers::run(program, peer, &self.scene.triangles, host.threads)?;
+        let wall_s = built.build_s;
+        let (tree, quality) = checked(built.into_bvh(), self.scene)?;
+        let run = run_of_builder(&quality, wall_s);
+        Ok(self.by_others(job, "cpu (peer)", host.threads, (tree, quality), wall_s, run))
+    }
+
+    fn by_others(
+        &self,
+        job: &Job,
+        device: &str,
+        threads: usize,
+        (tree, quality): (Bvh, Quality),
+        wall_s: f64,
+        run: OptimizerRun,
+    ) -> Made {
+        Made {
+            hash: bvh::tree_hash(&tree),
+            tree,
+            quality,
+            wall_s,
+            device_s: None,
+            bytes: None,
+            threads: u32::try_from(threads).unwrap_or(u32::MAX),
+            run: OptimizerRun { method: job.method.clone(), device: device.to_owned(), ..run },
+        }
+    }
+
+    /// The tree with adaptive leaves as the paper has them, made on a device, and its quality.
+    pub(super) fn adaptive(&self, tree: &Bvh, device: &mut dyn Device) -> Result<(Bvh, Quality), MethodError> {
+        let nodes = tree.clone().with_boxes_of(&self.working).to_device()?;
+        let mut meter = Meter::new(device);
+        let uploaded = DeviceTree::upload(&mut meter, &nodes)?;
+        let collapsed = collapse(&mut meter, &uploaded, &CollapseSettings::default())?.free(&mut meter);
+        checked(collapsed, self.scene)
+    }
+}
+
+/// What a builder's run looks like: one row.
+fn run_of_builder(quality: &Quality, build_s: f64) -> OptimizerRun {
+    OptimizerRun {
+        method: String::new(),
+        purpose: Purpose::Table,
+        initial: String::new(),
+        strategy: String::new(),
+        mu: 0,
+        device: String::new(),
+        build_s,
+        rows: vec![IterationRow { cost: quality.sah_cost, ..IterationRow::default() }],
+        phases: Vec::new(),
+    }
+}
+
+fn metered(meter: &Meter<'_>, tree: Bvh, quality: Quality, wall_s: f64, run: OptimizerRun) -> Made {
+    let mut phases = PhaseTimes::default();
+    phases.add(meter.timings());
+    Made {
+        hash: bvh::tree_hash(&tree),
+        tree,
+        quality,
+        wall_s,
+        device_s: Some(meter.device_s()),
+        bytes: Some(meter.memory().peak_bytes),
+        threads: 0,
+        run: OptimizerRun { device: meter.info().name.clone(), phases: phases.phases(), ..run },
+    }
+}
+
+/// The tree with the boxes of the scene's triangles, if it is one over them. Its links are not trusted.
+fn checked(tree: Bvh, scene: &Scene) -> Result<(Bvh, Quality), MethodError> {
+    let faults = bvh::links_and_leaves(&tree, scene.triangles.len());
+    if !faults.is_empty() {
+        return Err(MethodError::InvalidTree(faults));
+    }
+    let tree = tree.with_boxes_of(&scene.triangles);
+    bvh::validate(&tree, Some(&scene.triangles)).map_err(MethodError::InvalidTree)?;
+    let quality = bvh::quality(&tree, &SahModel::default());
+    Ok((tree, quality))
+}

@@ -1,0 +1,100 @@
+//! A device that takes note of what a method needs of it.
+
+use crate::device::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
+
+/// Passes everything on to a device. Counts bytes and times from its own beginning, and gives back what a method that failed left there.
+pub(super) struct Meter<'a> {
+    device: &'a mut dyn Device,
+    left: Vec<Buffer>,
+    memory: MemoryUse,
+    timings: Vec<Timing>,
+}
+
+impl<'a> Meter<'a> {
+    pub(super) fn new(device: &'a mut dyn Device) -> Self {
+        Self { device, left: Vec::new(), memory: MemoryUse::default(), timings: Vec::new() }
+    }
+
+    /// Time of every command so far.
+    pub(super) fn timings(&self) -> &[Timing] {
+        &self.timings
+    }
+
+    /// Their sum, seconds.
+    pub(super) fn device_s(&self) -> f64 {
+        self.timings.iter().map(|timing| timing.seconds).sum()
+    }
+}
+
+impl Drop for Meter<'_> {
+    fn drop(&mut self) {
+        for buffer in self.left.drain(..) {
+            self.device.free(buffer);
+        }
+    }
+}
+
+impl Device for Meter<'_> {
+    fn info(&self) -> &DeviceInfo {
+        self.device.info()
+    }
+
+    fn allocate(&mut self, label: &'static str, length: usize, element_bytes: usize) -> Result<Buffer, DeviceError> {
+        let buffer = self.device.allocate(label, length, element_bytes)?;
+        self.memory.bytes += buffer.bytes();
+        self.memory.peak_bytes = self.memory.peak_bytes.max(self.memory.bytes);
+        self.left.push(buffer.clone());
+        Ok(buffer)
+    }
+
+    fn free(&mut self, buffer: Buffer) {
+        if let Some(at) = self.left.iter().position(|left| left.id == buffer.id) {
+            self.left.swap_remove(at);
+            self.memory.bytes -= buffer.bytes();
+        }
+        self.device.free(buffer);
+    }
+
+    fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
+        self.device.upload(buffer, bytes)
+    }
+
+    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
+        self.device.download(buffer, bytes)
+    }
+
+    fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
+        let timings = self.device.run(recording)?;
+        self.timings.extend_from_slice(&timings);
+        Ok(timings)
+    }
+
+    fn memory(&self) -> MemoryUse {
+        self.memory
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::cpu::CpuDevice;
+
+    #[test]
+    fn peaks_are_those_of_the_method_and_nothing_is_left() {
+        let mut device = CpuDevice::new(1).unwrap();
+        let large = device.allocate("large", 1000, 4).unwrap();
+        device.free(large);
+        let mut meter = Meter::new(&mut device);
+        let one = meter.allocate("one", 10, 4).unwrap();
+        let two = meter.allocate("two", 5, 4).unwrap();
+        meter.free(one);
+        assert_eq!(meter.memory(), MemoryUse { bytes: 20, peak_bytes: 60 });
+        let mut recording = Recording::new();
+        recording.clear("clear", &two);
+        meter.run(&recording).unwrap();
+        assert_eq!(meter.timings().len(), 1);
+        assert!(meter.device_s() >= 0.0);
+        drop(meter);
+        assert_eq!(device.memory(), MemoryUse { bytes: 0, peak_bytes: 4000 });
+    }
+}

@@ -1,0 +1,242 @@
+//! The comparison of a scene on the terminal.
+
+use super::{MethodRow, RayRates, SceneComparison};
+use crate::report::format;
+use comfy_table::{Cell, CellAlignment, ContentArrangement, LineStyle, Table, TableStyle};
+
+/// Lines above, below and under the header only.
+const STYLE: TableStyle = TableStyle::new().top_border(LINE).header_separator(LINE).bottom_border(LINE);
+const LINE: LineStyle = LineStyle::none().fill('─').junction('─');
+
+/// A column. Where there is no room for all, those of the highest rank go first.
+struct Column {
+    header: &'static str,
+    rank: u32,
+    is_text: bool,
+    cell: fn(&MethodRow) -> Option<String>,
+}
+
+const COLUMNS: &[Column] = &[
+    Column { header: "method", rank: 0, is_text: true, cell: |row| Some(row.method.clone()) },
+    number("µ", 2, |row| row.mu.map(|mu| mu.to_string())),
+    Column { header: "device", rank: 3, is_text: true, cell: |row| Some(device(row)) },
+    number("cost", 1, |row| row.cost.map(cost)),
+    number("adaptive", 5, |row| row.adaptive_cost.map(cost)),
+    number("build", 4, |row| row.build_s.map(format::seconds)),
+    number("kernels", 9, |row| row.device_s.map(format::seconds)),
+    number("MRays/s", 6, |row| row.mrays.map(|rates| format::significant(rates.overall))),
+    number("prim/shad/sec", 7, |row| row.mrays.map(by_kind)),
+    number("box/ray", 12, |row| row.box_tests.map(format::significant)),
+    number("tri/ray", 13, |row| row.triangle_tests.map(format::significant)),
+    number("depth", 10, |row| row.depth.map(|depth| depth.to_string())),
+    number("EPO", 8, |row| row.epo.map(format::significant)),
+    number("iter.", 11, |row| row.iterations.map(|iterations| format::count(iterations.into()))),
+    number("memory", 14, |row| row.bytes.map(format::bytes)),
+];
+
+const fn number(header: &'static str, rank: u32, cell: fn(&MethodRow) -> Option<String>) -> Column {
+    Column { header, rank, is_text: false, cell }
+}
+
+fn cost(cost: f64) -> String {
+    format!("{cost:.2}")
+}
+
+/// Millions of rays per second, primary, shadow and secondary ones, as in the paper's table.
+fn by_kind(rates: RayRates) -> String {
+    [rates.primary, rates.shadow, rates.secondary].map(format::significant).join("/")
+}
+
+/// Where the rays were traced, which is where the tree was built, but for what runs on the host.
+fn device(row: &MethodRow) -> String {
+    const MOST: usize = 14;
+    format::shortened(row.traced_on.as_ref().unwrap_or(&row.device), MOST)
+}
+
+/// Whether rows differ by their device, not only by their method.
+fn has_devices(scene: &SceneComparison) -> bool {
+    let devices = scene.rows.iter().map(|row| &row.device).filter(|device| !device.starts_with("cpu ("));
+    devices.clone().any(|device| devices.clone().next() != Some(device))
+}
+
+/// The rows of a scene under a line with its name, at most `width` columns wide where the method's name and cost fit into that. Columns that
+/// do not fit are left out; the last line says which.
+#[must_use]
+pub fn table(scene: &SceneComparison, width: u16) -> String {
+    let cells = |column: &Column| -> Vec<String> {
+        scene.rows.iter().map(|row| (column.cell)(row).unwrap_or_else(|| "-".to_owned())).collect()
+    };
+    let mut columns: Vec<(&Column, Vec<String>)> = COLUMNS
+        .iter()
+        .filter(|column| scene.rows.iter().any(|row| (column.cell)(row).is_some()))
+        .map(|column| (column, cells(column)))
+        .filter(|(column, _)| column.header != "device" || has_devices(scene))
+        .collect();
+    let shown = columns.iter().map(|(column, _)| column.header).collect::<Vec<_>>();
+    while columns.iter().map(wide).sum::<usize>() > usize::from(width) && columns.len() > 2 {
+        let last = (0..columns.len()).max_by_key(|&k| columns[k].0.rank).unwrap_or(0);
+        columns.remove(last);
+    }
+    let is_left_out = |header: &&str| columns.iter().all(|(column, _)| column.header != *header);
+    let left_out: Vec<&str> = shown.into_iter().filter(is_left_out).collect();
+
+    let mut table = Table::new();
+    table.load_style(STYLE).set_content_arrangement(ContentArrangement::Disabled);
+    let cell = |column: &Column, text: &str| {
+        let alignment = if column.is_text { CellAlignment::Left } else { CellAlignment::Right };
+        Cell::new(text).set_alignment(alignment)
+    };
+    table.set_header(columns.iter().map(|(column, _)| cell(column, column.header)));
+    for k in 0..scene.rows.len() {
+        table.add_row(columns.iter().map(|(column, cells)| cell(column, &cells[k])));
+    }
+    let mut text =
+        format!("{} ({} triangles)\n{}\n", scene.name, format::count(scene.triangles.into()), table.trim_fmt());
+    if !left_out.is_empty() {
+        text.push_str(&format!("no room for: {}\n", left_out.join(", ")));
+    }
+    text
+}
+
+/// Columns of the terminal that it takes, with its padding and the gap before the next.
+fn wide((column, cells): &(&Column, Vec<String>)) -> usize {
+    let texts = cells.iter().map(String::as_str).chain([column.header]);
+    texts.map(|text| text.chars().count()).max().unwrap_or(0) + 3
+}
+
+/// A line below the table.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Note {
+    /// The line.
+    pub text: String,
+    /// Whether it tells of something that went wrong.
+    pub is_fault: bool,
+}
+
+/// What the table does not say: rows that failed, PRBVH's cost as a part of the others', and its speed against RBVH.
+#[must_use]
+pub fn notes(scene: &SceneComparison) -> Vec<Note> {
+    let note = |text| Note { text, is_fault: false };
+    let mut notes = Vec::new();
+    for row in scene.rows.iter().filter(|row| row.status != "ok") {
+        let text = format!("{} on {}: {}", name(row), row.device, row.status);
+        notes.push(Note { text, is_fault: true });
+    }
+    notes.extend(ratios(scene).map(note));
+    let mut told = Vec::new();
+    for row in &scene.rows {
+        if let Some(against) = row.against_rbvh
+            && !told.contains(&row.mu)
+        {
+            told.push(row.mu);
+            let [rbvh, prbvh] = [against.rbvh_s, against.prbvh_s].map(format::seconds);
+            let (times, cost) = (format::significant(against.speed_up), cost(against.cost));
+            let name = name(row);
+            notes.push(note(format!(
+                "{name} on one thread is {times} times faster than rbvh to cost {cost} ({prbvh}, {rbvh})"
+            )));
+        }
+    }
+    notes
+}
+
+/// Method and µ.
+fn name(row: &MethodRow) -> String {
+    row.mu.map_or_else(|| row.method.clone(), |mu| format!("{} µ={mu}", row.method))
+}
+
+/// The adaptive cost of PRBVH with the last µ, as the paper counts, divided by that of each other method.
+fn ratios(scene: &SceneComparison) -> Option<String> {
+    let prbvh = scene.rows.iter().rev().find(|row| row.method == "prbvh" && row.adaptive_cost.is_some())?;
+    let mut parts: Vec<String> = Vec::new();
+    for row in scene.rows.iter().filter(|row| row.device == prbvh.device || row.device.starts_with("cpu (")) {
+        if row.method != "prbvh"
+            && let Some(cost) = row.adaptive_cost
+        {
+            let part = format!("{} {:.3}", row.method, prbvh.adaptive_cost? / cost);
+            if !parts.contains(&part) {
+                parts.push(part);
+            }
+        }
+    }
+    (!parts.is_empty()).then(|| format!("adaptive cost of {} ÷ that of: {}", name(prbvh), parts.join(", ")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::AgainstRbvh;
+    use super::*;
+
+    fn scene() -> SceneComparison {
+        let row = |method: &str, mu, device: &str, cost| MethodRow {
+            scene: "hall".to_owned(),
+            method: method.to_owned(),
+            mu,
+            device: device.to_owned(),
+            traced_on: Some("CPU, 2 threads".to_owned()),
+            cost: Some(cost),
+            adaptive_cost: Some(cost / 2.0),
+            build_s: Some(0.0123),
+            device_s: Some(0.0101),
+            mrays: Some(RayRates { overall: 3.21, primary: 7.0, shadow: 2.0, secondary: 1.0 }),
+            box_tests: Some(41.0),
+            triangle_tests: Some(5.5),
+            depth: Some(31),
+            bytes: Some(123 << 20),
+            iterations: mu.map(|_| 40),
+            status: "ok".to_owned(),
+            ..MethodRow::default()
+        };
+        let mut rows = vec![
+            row("lbvh", None, "CPU, 2 threads", 200.0),
+            row("rbvh", None, "cpu (host)", 101.0),
+            row("prbvh", Some(9), "CPU, 2 threads", 100.0),
+        ];
+        rows[2].against_rbvh = Some(AgainstRbvh { cost: 101.0, rbvh_s: 50.0, prbvh_s: 2.0, speed_up: 25.0 });
+        rows.push(MethodRow {
+            method: "obvhs best".to_owned(),
+            device: "cpu (peer)".to_owned(),
+            status: "timed out after 60 s".to_owned(),
+            ..MethodRow::default()
+        });
+        SceneComparison {
+            name: "hall".to_owned(),
+            hash: String::new(),
+            triangles: 250_000,
+            rows,
+            runs: Vec::new(),
+            pictures: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn it_fits_the_width_and_says_what_it_leaves_out() {
+        let scene = scene();
+        for width in [40u16, 60, 80, 100, 120, 200] {
+            let text = table(&scene, width);
+            let widest =
+                text.lines().filter(|line| !line.starts_with("no room")).map(|line| line.chars().count()).max();
+            assert!(widest.unwrap() <= width.into(), "{width}:\n{text}");
+            assert!(text.contains("200.00") && text.contains("obvhs best"), "{text}");
+            assert_eq!(text.contains("no room for"), !text.contains("123 MiB"), "{text}");
+        }
+        assert!(table(&scene, 80).contains("MRays/s") && table(&scene, 200).contains("123 MiB"));
+        assert!(table(&scene, 100).contains("7.00/2.00/1.00"));
+        assert!(!table(&scene, 200).contains("device"), "one device needs no column");
+        let mut two = scene.clone();
+        two.rows[2].device = "llvmpipe (LLVM 15.0.6, 256 bits)".to_owned();
+        two.rows[2].traced_on = None;
+        assert!(table(&two, 80).contains("llvmpipe (LLV…"));
+        assert!(!table(&scene, 200).contains("EPO"), "a column without numbers");
+    }
+
+    #[test]
+    fn notes_tell_faults_ratios_and_the_speed_up() {
+        let notes = notes(&scene());
+        let faults: Vec<&str> = notes.iter().filter(|note| note.is_fault).map(|note| note.text.as_str()).collect();
+        assert_eq!(faults, ["obvhs best on cpu (peer): timed out after 60 s"]);
+        let text: Vec<&str> = notes.iter().map(|note| note.text.as_str()).collect();
+        assert!(text.iter().any(|line| line.contains("÷ that of: lbvh 0.500, rbvh 0.990")), "{text:?}");
+        assert!(text.iter().any(|line| line.contains("prbvh µ=9 on one thread is 25.0 times")), "{text:?}");
+    }
+}

@@ -1,0 +1,200 @@
+//! RBVH: insertion-based optimisation, one node after another (Bittner, Hapala & Havran 2013, *Fast Insertion-Based Optimization of
+//! Bounding Volume Hierarchies*).
+//!
+//! The sequential reference that the paper of PRBVH compares with, in time and in cost. A batch takes the 1 % of the nodes that look worst,
+//! removes each together with its parent, and inserts its two children again, the larger one first, where branch and bound finds that
+//! they add the least area. The best tree is kept.
+
+mod rows;
+mod schedule;
+mod search;
+mod select;
+#[cfg(test)]
+mod tests;
+mod tree;
+
+pub use tree::RbvhTree;
+
+use super::prbvh::cost_of_areas;
+use super::{IterationRow, Outcome, StopReason, set_relative_errors};
+use crate::bvh::TreeFault;
+use crate::device::Timing;
+use prbvh_kernel::node::Node;
+use rows::Rows;
+use schedule::{Schedule, Source};
+use search::Search;
+use select::Selection;
+use serde::Serialize;
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+/// Settings of RBVH.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RbvhSettings {
+    /// Part of the nodes with a grandparent that a batch takes, above 0 and at most 1; but 32 nodes at least.
+    pub batch: f64,
+    /// A batch improves the tree if the cost falls below the best one by more than this part of it. With 0 the last batches win next to
+    /// nothing each, and rounding alone may make a new best cost for ever.
+    pub epsilon: f64,
+    /// Takes a reinsertion that does not lower the cost back at once. Without, a run ends sooner with a tree that is a few per cent worse:
+    /// the second child cannot repair what the first one's best place spoils, and once the tree is good most random picks spoil it.
+    pub undo: bool,
+    /// Batches without an improvement after which nodes are picked at random until the next one.
+    pub random_after: u32,
+    /// Batches without an improvement that end the search.
+    pub patience: u32,
+    /// Most batches.
+    pub max_iterations: u32,
+    /// No batch starts after this wall time.
+    pub max_time: Option<Duration>,
+    /// Seed of the random picks.
+    pub seed: u64,
+}
+
+impl Default for RbvhSettings {
+    /// As published: 1 %, 5 and 10 batches. `epsilon` and `undo` are this implementation's.
+    fn default() -> Self {
+        Self {
+            batch: 0.01,
+            epsilon: 1e-5,
+            undo: true,
+            random_after: 5,
+            patience: 10,
+            max_iterations: 100_000,
+            max_time: None,
+            seed: 1,
+        }
+    }
+}
+
+/// Optimises `nodes[2n-1]`, a tree as a device leaves it, in place; it ends as the best tree, the initial one included. Boxes are finite and
+/// in the safe range ([`SafeRange`](crate::scene::SafeRange)). One thread; the result depends on the tree and the settings alone.
+///
+/// `observe` sees every batch as a row, the initial tree as row 0, and the tree after it; it may break. In a row `found` are the nodes
+/// picked, `owned` those of them that were reinserted (others went away with an earlier one of the batch), `applied` those whose reinsertion
+/// lowered the cost, and `most_steps` the most nodes opened by one search; `mu` and `device_s` are 0. [`Outcome::rows`] has a row per batch,
+/// of a long run a row for several: the counts are then sums, and the cost is the lowest.
+///
+/// # Errors
+/// All faults of the links, if the nodes are no tree.
+pub fn rbvh(
+    nodes: &mut [Node],
+    settings: &RbvhSettings,
+    observe: &mut dyn FnMut(&IterationRow, &RbvhTree) -> ControlFlow<()>,
+) -> Result<Outcome, Vec<TreeFault>> {
+    let mut run = Run::new(nodes, settings)?;
+    let (mut rows, stop) = run.run(settings, observe);
+    run.tree.restore();
+    nodes.copy_from_slice(&run.tree.nodes());
+    set_relative_errors(&mut rows);
+    let working_bytes = run.tree.bytes() + run.search.bytes() + run.selection.bytes();
+    Ok(Outcome { rows, stop, timings: run.timings, working_bytes })
+}
+
+struct Run {
+    start: Instant,
+    tree: RbvhTree,
+    selection: Selection,
+    search: Search,
+    timings: Vec<Timing>,
+}
+
+impl Run {
+    fn new(nodes: &[Node], settings: &RbvhSettings) -> Result<Self, Vec<TreeFault>> {
+        let start = Instant::now();
+        let tree = RbvhTree::new(nodes)?;
+        let selection = Selection::new(&tree, settings.batch, settings.seed);
+        let search = Search::new(tree.internal());
+        Ok(Self { start, tree, selection, search, timings: Vec::new() })
+    }
+
+    fn run(
+        &mut self,
+        settings: &RbvhSettings,
+        observe: &mut dyn FnMut(&IterationRow, &RbvhTree) -> ControlFlow<()>,
+    ) -> (Vec<IterationRow>, StopReason) {
+        let mut row = IterationRow { cost: self.cost(), time_s: self.seconds(), ..IterationRow::default() };
+        let mut schedule = Schedule::new(settings, row.cost);
+        let mut rows = Rows::new(row);
+        let mut best = row.cost;
+        let stop = loop {
+            if observe(&row, &self.tree).is_break() {
+                break StopReason::Cancelled;
+            }
+            if let Some(stop) = schedule.stop(row.iteration, self.start.elapsed()) {
+                break stop;
+            }
+            row = self.batch(settings, row.iteration + 1, schedule.source());
+            if row.found == 0 {
+                break StopReason::Converged;
+            }
+            if row.cost < best {
+                best = row.cost;
+                self.tree.keep();
+            }
+            schedule.note(&row, settings.undo);
+            rows.push(row);
+        };
+        (rows.finish(), stop)
+    }
+
+    fn seconds(&self) -> f64 {
+        self.start.elapsed().as_secs_f64()
+    }
+
+    /// SAH cost of the tree, one triangle per leaf.
+    fn cost(&self) -> f64 {
+        let tree = &self.tree;
+        cost_of_areas(tree.internal_area(), tree.leaf_area(), tree.root_area(), tree.internal() + 1)
+    }
+
+    fn batch(&mut self, settings: &RbvhSettings, iteration: u32, source: Source) -> IterationRow {
+        let start = Instant::now();
+        match source {
+            Source::Worst => self.selection.pick_worst(&self.tree),
+            Source::Random => self.selection.pick_random(&self.tree),
+        }
+        let picked = Instant::now();
+        self.timings.push(Timing { label: "select", seconds: (picked - start).as_secs_f64() });
+        let found = self.selection.batch.len();
+        let mut row = IterationRow { iteration, found: found as u32, ..IterationRow::default() };
+        for k in 0..found {
+            let v = self.selection.batch[k];
+            if self.selection.is_due(&self.tree, v) {
+                let mark = self.tree.begin();
+                let steps = self.reinsert(v);
+                let is_better = self.tree.internal_area() < mark.internal_area * (1.0 - NOISE);
+                if settings.undo && !is_better {
+                    self.tree.undo(mark);
+                }
+                row.owned += 1;
+                row.applied += u32::from(is_better);
+                row.most_steps = row.most_steps.max(steps);
+            }
+        }
+        self.timings.push(Timing { label: "reinsert", seconds: picked.elapsed().as_secs_f64() });
+        row.time_s = self.seconds();
+        row.cost = self.cost();
+        row
+    }
+
+    /// Removes a node with a grandparent and inserts its children again. Returns the steps of the longer search.
+    fn reinsert(&mut self, v: u32) -> u32 {
+        let mut removed = self.tree.remove(v);
+        self.selection.recycled(removed.slots);
+        let area = |v: u32| self.tree.node(v).aabb.half_area();
+        if area(removed.children[0]) < area(removed.children[1]) {
+            removed.children.swap(0, 1);
+        }
+        let mut most_steps = 0;
+        for (node, slot) in removed.children.into_iter().zip(removed.slots) {
+            let place = self.search.best_place(&self.tree, self.tree.node(node).aabb, removed.sibling);
+            self.tree.insert(node, place.target, slot);
+            most_steps = most_steps.max(place.steps);
+        }
+        most_steps
+    }
+}
+
+/// A relative change of the sum of areas that rounding alone may make.
+const NOISE: f64 = 1e-14;

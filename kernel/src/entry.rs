@@ -1,0 +1,100 @@
+//! What a row of the table in [`crate::entries`] becomes.
+
+/// Makes the SPIR-V entry point, the description and the native entry of each row. The names that it uses are those at the place of its call.
+macro_rules! kernels {
+    ($(
+        $(#[$cfg:meta])*
+        $variant:ident $name:ident($params:ident: $params_type:ty) [
+            $($binding:tt $buffer:ident: $view:ty),+ $(,)?
+        ] => |$i:ident| $body:expr;
+    )+) => {
+        $(
+            $(#[$cfg])*
+            #[doc = concat!("SPIR-V entry point of [`Kernel::", stringify!($variant), "`].")]
+            #[spirv(compute(threads(64)))]
+            #[inline(always)]
+            #[allow(clippy::too_many_arguments, reason = "an entry has a parameter for each buffer")]
+            pub fn $name(
+                #[spirv(global_invocation_id)] id: UVec3,
+                #[spirv(num_workgroups)] workgroups: UVec3,
+                #[spirv(push_constant)] $params: &$params_type,
+                $(#[spirv(storage_buffer, descriptor_set = 0, binding = $binding)] $buffer: $view),+
+            ) {
+                let $i = grid::linear_id(id, workgroups);
+                if $i < $params.count {
+                    $body;
+                }
+            }
+        )+
+
+        /// A kernel; see the rows of this table for what each takes.
+        #[cfg(not(target_arch = "spirv"))]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub enum Kernel {
+            $(
+                $(#[$cfg])*
+                #[doc = concat!("`", stringify!($name), "`")]
+                $variant,
+            )+
+        }
+
+        #[cfg(not(target_arch = "spirv"))]
+        impl Kernel {
+            /// Every kernel.
+            pub const ALL: &'static [Self] = &[$($(#[$cfg])* Self::$variant),+];
+
+            /// Name, push constants and buffers.
+            #[must_use]
+            pub const fn info(self) -> &'static crate::KernelInfo {
+                use crate::native::{BindingInfo, KernelInfo, View};
+                match self {
+                    $(
+                        $(#[$cfg])*
+                        Self::$variant => &KernelInfo {
+                            name: stringify!($name),
+                            push_bytes: size_of::<$params_type>(),
+                            bindings: &[$(BindingInfo {
+                                name: stringify!($buffer),
+                                access: <$view as View<'static>>::ACCESS,
+                                element_bytes: <$view as View<'static>>::ELEMENT_BYTES,
+                            }),+],
+                        },
+                    )+
+                }
+            }
+
+            /// Runs the entry natively for each of `count` invocations, in the order of the dispatcher.
+            ///
+            /// # Panics
+            /// If `push` or `buffers` are not what [`Kernel::info`] says, or if an invocation goes out of bounds.
+            pub fn run(
+                self,
+                dispatcher: &impl crate::native::Dispatcher,
+                count: u32,
+                push: &[u8],
+                buffers: Vec<crate::native::Bytes<'_>>,
+            ) {
+                use crate::native::View;
+                let info = self.info();
+                assert_eq!(buffers.len(), info.bindings.len(), "buffers of {}", info.name);
+                let mut buffers = buffers.into_iter();
+                let mut next = move || buffers.next().expect("as many buffers as bindings");
+                let workgroups = UVec3::from_array(grid::workgroups(count));
+                match self {
+                    $(
+                        $(#[$cfg])*
+                        Self::$variant => {
+                            let $params: &$params_type = &bytemuck::pod_read_unaligned(push);
+                            $(let $buffer = <$view as View<'_>>::bind(next());)+
+                            dispatcher.for_each(count, |i| {
+                                $name(UVec3::new(i, 0, 0), workgroups, $params, $($buffer),+);
+                            });
+                        }
+                    )+
+                }
+            }
+        }
+    };
+}
+
+pub(crate) use kernels;
