@@ -5,7 +5,7 @@ use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::setup::Triangle;
 use rayon::prelude::*;
 
-/// Triangles whose shares are summed by one thread; fixed, so that the result does not depend on the threads.
+/// Distinct triangles whose shares are summed by one thread; fixed, so that the result does not depend on the threads.
 const CHUNK: usize = 256;
 
 /// End-point overlap of a valid tree over `triangles`, unitless: what a ray that ends on a surface pays for nodes that hold the end point, but
@@ -15,28 +15,33 @@ const CHUNK: usize = 256;
 /// `C(n)` is `c_traversal` for an internal node and `c_intersect` times its triangles for a leaf. A box is closed: a triangle that lies in
 /// one of its faces is inside. Coincident triangles count each. Where `S` has no area the result is 0.
 ///
-/// The sum is taken in f64 in the order of the triangles, and for each in depth-first order: one tree has one value, however its nodes are
-/// numbered and on however many threads. Coordinates of any finite f32 neither overflow nor underflow.
+/// The sum is taken in f64 in the order of the corners, and for each triangle in depth-first order: one tree has one value, however its
+/// nodes are numbered and on however many threads. Coordinates of any finite f32 neither overflow nor underflow. Copies of a triangle
+/// share a walk through the tree, which would be quadratic in their number; near copies have one each.
 ///
 /// # Panics
 /// If the links are no tree over the triangles.
 #[must_use]
 pub fn epo(tree: &Bvh, triangles: &[Triangle], model: &SahModel) -> f64 {
     let walk = Walk::new(tree, triangles.len(), model);
-    let ids: Vec<u32> = (0..triangles.len() as u32).collect();
-    let chunk = |ids: &[u32]| {
+    let bits = |id: u32| corners(&triangles[id as usize]).map(|corner| corner.map(f64::to_bits));
+    let mut ids: Vec<u32> = (0..triangles.len() as u32).collect();
+    ids.par_sort_unstable_by_key(|&id| (bits(id), walk.ranks[id as usize]));
+    let copies: Vec<&[u32]> = ids.chunk_by(|&a, &b| bits(a) == bits(b)).collect();
+    let chunk = |copies: &[&[u32]]| {
         let mut sums = [0.0; 2];
-        for &id in ids {
-            let corners = corners(&triangles[id as usize]);
+        for &ids in copies {
+            let corners = corners(&triangles[ids[0] as usize]);
             let area = polygon_area(&corners);
-            sums[0] += area;
+            sums[0] += area * ids.len() as f64;
             if area > 0.0 {
-                sums[1] += walk.overlap(&corners, walk.ranks[id as usize]);
+                let ranks: Vec<u32> = ids.iter().map(|&id| walk.ranks[id as usize]).collect();
+                sums[1] += walk.overlap(&corners, &ranks);
             }
         }
         sums
     };
-    let sums: Vec<[f64; 2]> = ids.par_chunks(CHUNK).map(chunk).collect();
+    let sums: Vec<[f64; 2]> = copies.par_chunks(CHUNK).map(chunk).collect();
     let [area, overlap] = sums.iter().fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
     if area > 0.0 { overlap / area } else { 0.0 }
 }
@@ -101,21 +106,22 @@ impl Walk {
         Self { steps, ranks }
     }
 
-    /// `Σ C(n) · area(triangle ∩ n)` over the nodes that do not hold the triangle.
-    fn overlap(&self, corners: &[[f64; 3]; 3], rank: u32) -> f64 {
+    /// `Σ C(n) · area(triangle ∩ n)` over the nodes that do not hold a copy of the triangle, for all its copies; `ranks` rise.
+    fn overlap(&self, corners: &[[f64; 3]; 3], ranks: &[u32]) -> f64 {
         let hull = Hull::of(corners);
         let mut sum = 0.0;
         let mut at = 0;
         while let Some(step) = self.steps.get(at) {
-            // What holds the triangle contains it whole.
-            let holds = step.ranks[0] <= rank && rank < step.ranks[1];
-            if !holds {
+            let [first, end] = step.ranks.map(|rank| ranks.partition_point(|&copy| copy < rank));
+            let held = end - first;
+            if held < ranks.len() {
                 let area = if hull.misses(step) { 0.0 } else { clipped_area(corners, &step.min, &step.max) };
-                if area <= 0.0 {
+                // What holds a copy contains it whole.
+                if area <= 0.0 && held == 0 {
                     at = step.skip as usize;
                     continue;
                 }
-                sum += step.cost * area;
+                sum += step.cost * area * (ranks.len() - held) as f64;
             }
             at += 1;
         }

@@ -198,6 +198,17 @@ proptest! {
     }
 
     #[test]
+    fn copies_share_a_walk_and_count_each(n in 2usize..40, distinct in 1usize..4, seed: u64) {
+        let mut rng = Rng::new(seed);
+        let (mut triangles, _) = on_a_grid(n, &mut rng);
+        (distinct.min(n)..n).for_each(|k| triangles[k] = triangles[k % distinct.min(n)]);
+        let (_, nodes) = device_tree(n, &mut rng);
+        let tree = Bvh::from_device(&nodes).unwrap().with_boxes_of(&triangles);
+        let (have, need) = (epo(&tree, &triangles, &MODEL), naive(&tree, &triangles, &MODEL));
+        prop_assert!((have - need).abs() <= 1e-12 * need.max(1.0), "{have} instead of {need}");
+    }
+
+    #[test]
     fn numbering_and_threads_do_not_change_a_bit(n in 1usize..60, seed: u64) {
         let (triangles, tree) = tree(n, seed);
         let value = epo(&tree, &triangles, &MODEL);
