@@ -85,7 +85,7 @@ fn the_whole_table_is_green() {
         assert_eq!(row.stop, if method.optimizes { "converged" } else { "" }, "{what}");
         if row.device == "cpu" {
             assert_eq!(row.repeated, ["one thread", "descending", "shuffled"], "{what}");
-            let searches = method.optimizes && method.settings.adaptive.is_none();
+            let searches = method.has_moves();
             assert_eq!((row.moves.is_some(), row.axes_change.is_some()), (searches, searches), "{what}");
         }
         assert!(!row.scaled_by.is_empty(), "{what}");

@@ -1,9 +1,11 @@
 //! The methods of the table.
 
 use crate::build::DEFAULT_RADIUS;
+#[cfg(feature = "atrbvh")]
+use crate::build::TreeletSize;
 use crate::collapse::CollapseSettings;
-use crate::optimize::PrbvhSettings;
-use crate::pipeline::{Initial, Settings};
+use crate::optimize::{PrbvhSettings, RbvhSettings, Strategy};
+use crate::pipeline::{Initial, Optimizer, Settings};
 
 /// A way from triangles to a tree.
 #[derive(Clone, Debug)]
@@ -27,6 +29,22 @@ impl Method {
         Self { name, settings: Settings { initial, prbvh, ..Settings::default() }, optimizes: true }
     }
 
+    fn rbvh(name: &'static str) -> Self {
+        let optimizer = Optimizer::Rbvh(RbvhSettings::default());
+        Self { name, settings: Settings { optimizer, ..Settings::default() }, optimizes: true }
+    }
+
+    fn conservative(mut self) -> Self {
+        self.settings.prbvh.strategy = Strategy::Conservative;
+        self
+    }
+
+    /// Whether it is PRBVH that goes on from the initial tree, to one triangle per leaf: then its moves can be looked at.
+    #[must_use]
+    pub fn has_moves(&self) -> bool {
+        self.optimizes && self.settings.optimizer == Optimizer::Prbvh && self.settings.adaptive.is_none()
+    }
+
     fn with_adaptive_leaves(mut self) -> Self {
         self.settings.adaptive = Some(CollapseSettings::default());
         self
@@ -39,11 +57,15 @@ pub fn methods() -> Vec<Method> {
     let ploc = || Initial::Ploc { radius: DEFAULT_RADIUS };
     vec![
         Method::builder("lbvh", Initial::Lbvh),
+        #[cfg(feature = "atrbvh")]
+        Method::builder("atrbvh", Initial::Atrbvh { treelet: TreeletSize::DEFAULT }),
         Method::builder("ploc", ploc()),
         Method::builder("sah-sweep", Initial::SahSweep),
         Method::builder("sah-binned", Initial::SahBinned),
         Method::prbvh("prbvh-9", Initial::Lbvh, 9),
         Method::prbvh("prbvh-1", Initial::Lbvh, 1),
+        Method::prbvh("conservative-9", Initial::Lbvh, 9).conservative(),
+        Method::rbvh("rbvh"),
         Method::prbvh("ploc+prbvh-9", ploc(), 9),
         Method::prbvh("ploc+prbvh-1", ploc(), 1),
         Method::prbvh("prbvh-9+adaptive", Initial::Lbvh, 9).with_adaptive_leaves(),
