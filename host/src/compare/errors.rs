@@ -253,7 +253,7 @@ mod tests {
 
     #[test]
     fn times_count_from_triangles_to_the_first_tree_that_near() {
-        let points = [(0.0, 150.0), (1.0, 109.0), (2.0, 111.0), (3.0, 101.0)];
+        let points = [(0.0, 150.0), (1.0, 109.0), (2.0, 111.0), (3.0, 100.75)];
         let mut scene = scene(vec![row("prbvh", 101.0, "ok")], vec![run("prbvh", 4.0, &points)]);
         scene.set_errors(Some(&known(100.0)));
         let times = scene.rows[0].time_to.unwrap();

@@ -247,7 +247,7 @@ mod tests {
         for (bad, part) in [
             (good.replace("\"schema\": 1", "\"schema\": 2"), "f has schema 2, this program reads 1"),
             (good.replace("50.0", "0.0"), "0 is no SAH cost (hall"),
-            (good.replace("50.0", "null"), "f, line 13: invalid type: null"),
+            (good.replace("50.0", "null"), "f, line 12: invalid type: null"),
             (good.replace("\"hash\"", "\"hush\""), "missing field `hash`"),
             (String::new(), "f, line 1: EOF"),
         ] {

@@ -122,8 +122,8 @@ fn choose(path: &Path, files: &[PathBuf]) -> anyhow::Result<ExitCode> {
         println!("{mark} {:8.2} {:6.2} %  {}", score.time, 100.0 * score.error, score.name);
     }
     println!(
-        "fast: lowest error within {} times the time of LBVH; balanced: fastest within {} %; best: fastest within {} % of the lowest error",
-        presets::FAST_TIME,
+        "rule: the fastest with an error of at most {} % (fast), {} % (balanced), {} % above the lowest (best)",
+        100.0 * presets::FAST_ERROR,
         100.0 * presets::BALANCED_ERROR,
         100.0 * presets::BEST_ERROR
     );
