@@ -197,8 +197,12 @@ fn figures_without_data_are_left_out() {
     let mut comparison = made_up::comparison(1);
     comparison.scenes[0].pictures.clear();
     comparison.scenes[0].runs.retain(|run| run.purpose == Purpose::Table && run.rows.len() == 1);
-    assert_eq!(names(&comparison), ["overview.svg", "01-conference-cost-time.svg", "01-conference-kernels.svg"]);
+    assert_eq!(
+        names(&comparison),
+        ["overview.svg", "01-conference-cost-time.svg", "01-conference-error-time.svg", "01-conference-kernels.svg"]
+    );
     comparison.scenes[0].runs.clear();
+    comparison.scenes[0].set_errors(None);
     comparison.scenes[0].rows.remove(0);
     assert_eq!(names(&comparison), [""; 0]);
     comparison.scenes[0].rows.clear();

@@ -8,6 +8,8 @@ use crate::optimize::IterationRow;
 use crate::report::axis::Axis;
 use crate::report::plot::PlotError;
 
+/// Crosses, which no member of the front has.
+const OTHERS: Style = Style(5);
 const COLUMNS: [&str; 3] = ["time (s)", "relative error", "SAH cost"];
 
 pub(super) fn figure(scene: &SceneComparison) -> Result<Option<Figure>, PlotError> {
@@ -77,7 +79,7 @@ fn ends(errors: &SceneErrors) -> Vec<Curve> {
     let is_on_front = |k: usize| errors.pareto_front.contains(&k);
     let others = errors.settings.iter().enumerate().filter(|(k, _)| !is_on_front(*k)).map(|(_, setting)| at(setting));
     let mut curves = vec![
-        Curve { name: "others".to_owned(), style: Style(5), joined: false, points: others.collect() },
+        Curve { name: "others".to_owned(), style: OTHERS, joined: false, points: others.collect() },
         Curve {
             name: "Pareto front".to_owned(),
             style: Style(0),
@@ -87,7 +89,7 @@ fn ends(errors: &SceneErrors) -> Vec<Curve> {
     ];
     curves.extend(errors.front().enumerate().map(|(k, setting)| Curve {
         name: runs::method(&setting.method, Some(setting.mu)),
-        style: Style(k + 1),
+        style: Style(if k + 1 < OTHERS.0 { k + 1 } else { k + 2 }),
         joined: false,
         points: vec![at(setting)],
     }));
