@@ -80,7 +80,7 @@ fn bless(path: &Path, files: &[PathBuf]) -> anyhow::Result<()> {
                 Blessed::New => println!("{}: new, {} ({})", now.scene, now.cost, now.method),
                 Blessed::Lowered(old) => println!("{}: lowered from {old} to {} ({})", now.scene, now.cost, now.method),
                 Blessed::Kept(old) => {
-                    println!("{}: kept {old} ({}): nothing lower in {}", now.scene, now.method, file.display())
+                    println!("{}: kept {old} ({}): nothing lower in {}", now.scene, now.method, file.display());
                 }
             }
         }
