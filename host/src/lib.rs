@@ -9,6 +9,8 @@ pub mod compare;
 pub mod device;
 pub mod optimize;
 pub mod pipeline;
+pub mod presets;
+pub mod reference;
 pub mod render;
 pub mod report;
 pub mod scene;

@@ -129,6 +129,7 @@ pub fn hostile() -> Comparison {
         run.phases.iter_mut().for_each(|phase| phase.label.push_str(PLANTED));
     }
     scene.pictures.iter_mut().for_each(|picture| picture.title.push_str(PLANTED));
+    scene.set_errors(None);
     comparison
 }
 
@@ -231,14 +232,17 @@ fn scene(k: usize, (name, triangles): (&str, u32)) -> SceneComparison {
             [seed, 80 + initial.len() as u64],
         ));
     }
-    SceneComparison {
+    let mut scene = SceneComparison {
         name: name.to_owned(),
         hash: format!("{:032x}", (chance(&[seed, 5]) * 1e15) as u64),
         triangles,
         rows,
         runs,
+        errors: None,
         pictures: pictures(seed),
-    }
+    };
+    scene.set_errors(None);
+    scene
 }
 
 fn row(
@@ -284,6 +288,8 @@ fn row(
         bytes: (!on_host).then_some(u64::from(triangles) * (100 + 12 * m)),
         iterations: (iterations > 0).then_some(iterations),
         tree_hash: Some(format!("{:032x}", (chance(&[seed, m, 9]) * 1e15) as u64 | 1 << 60)),
+        relative_error: None,
+        time_to: None,
         status: "ok".to_owned(),
         against_rbvh: mu.map(|mu| AgainstRbvh {
             cost: 1.001 * cost,
@@ -314,7 +320,7 @@ fn run(
             iteration,
             mu: (f64::from(mu) * (1.0 - t)).ceil().max(1.0) as u32,
             time_s: (seconds - build_s) * if iterations == 0 { 0.0 } else { t },
-            device_s: 0.0,
+            device_s: (seconds - build_s) * 0.95 * if iterations == 0 || !on_device { 0.0 } else { t },
             cost: last + (first - last) * left + bump,
             relative_error: 0.0,
             found: if iteration == 0 { 0 } else { found as u32 },
@@ -349,6 +355,7 @@ fn run(
         mu,
         device: if on_device { DEVICE } else { "cpu" }.to_owned(),
         build_s,
+        build_device_s: on_device.then_some(0.9 * build_s),
         rows: (0..=iterations).map(row).collect(),
         phases: kinds.iter().enumerate().map(phase).collect(),
     }

@@ -8,7 +8,7 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 const DESK: View = View { width: 1280, height: 900, dark: false };
-const FIGURES: usize = 6;
+const FIGURES: usize = 7;
 const PICTURES: usize = 3;
 
 /// A page with the self-check in it.
@@ -76,7 +76,7 @@ fn ten_scenes_by_twelve_methods_work_in_a_browser() {
         assert_eq!(counts["figures"], 10 * FIGURES + 1);
         assert_eq!(counts["hovered"], counts["figures"]);
         assert_eq!(counts["pictures"], 10 * PICTURES);
-        assert_eq!(counts["tables"], 11);
+        assert_eq!(counts["tables"], 21);
         // Every column of every table; that of the overview has ten scenes.
         assert!(counts["sorted"].as_u64().unwrap() > 10 * 15 + 11, "{counts}");
         assert!(counts["texts"].as_u64().unwrap() > 1000, "{counts}");
@@ -197,8 +197,12 @@ fn figures_without_data_are_left_out() {
     let mut comparison = made_up::comparison(1);
     comparison.scenes[0].pictures.clear();
     comparison.scenes[0].runs.retain(|run| run.purpose == Purpose::Table && run.rows.len() == 1);
-    assert_eq!(names(&comparison), ["overview.svg", "01-conference-cost-time.svg", "01-conference-kernels.svg"]);
+    assert_eq!(
+        names(&comparison),
+        ["overview.svg", "01-conference-cost-time.svg", "01-conference-error-time.svg", "01-conference-kernels.svg"]
+    );
     comparison.scenes[0].runs.clear();
+    comparison.scenes[0].set_errors(None);
     comparison.scenes[0].rows.remove(0);
     assert_eq!(names(&comparison), [""; 0]);
     comparison.scenes[0].rows.clear();

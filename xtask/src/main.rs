@@ -1,6 +1,7 @@
 //! `cargo xtask`: the project's own tasks, one file each.
 
 mod bench;
+mod choices;
 mod ci;
 mod repo;
 mod setup;
@@ -32,6 +33,10 @@ enum Task {
     /// Measures time, memory and cost beside a peer, and checks the answers.
     #[command(disable_help_flag = true)]
     Bench(bench::Bench),
+    /// Lowers the reference costs by what compare.json and report.json files say.
+    Bless(choices::Bless),
+    /// Repeats the choice of the presets on compare.json files, and says whether the code has the same.
+    Presets(choices::Presets),
     /// Everything that must pass before a merge.
     Ci,
     /// Checks the rules of the house that no other tool knows.
@@ -45,6 +50,8 @@ fn main() -> ExitCode {
         Task::Setup => setup::run().map(|()| ExitCode::SUCCESS),
         Task::Test(task) => task.run(),
         Task::Bench(task) => task.run().map(|()| ExitCode::SUCCESS),
+        Task::Bless(task) => task.run(),
+        Task::Presets(task) => task.run(),
         Task::Ci => ci::run().map(|()| ExitCode::SUCCESS),
         Task::Tidy => tidy::run().map(|()| ExitCode::SUCCESS),
     };

@@ -3,8 +3,10 @@
 use super::compare_args::{CompareArgs, PeerArgs};
 use super::leaves::LeavesArgs;
 use super::optimizer::OptimizerArgs;
+use super::preset::{PRESET_SETS, PresetArg};
 use super::render_args::RenderArgs;
 use super::stability::StabilityArgs;
+use super::target::TargetArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use prbvh::build::{DEFAULT_RADIUS, MortonBits, TreeletSize};
@@ -74,6 +76,11 @@ pub(super) struct OptimizeArgs {
     /// When a reinsertion may run beside others.
     #[arg(long, value_enum, default_value_t)]
     pub(super) strategy: StrategyArg,
+    /// Settings that were chosen by measurement, in place of those of the initial tree and the optimiser.
+    #[arg(long, value_enum, conflicts_with_all = PRESET_SETS)]
+    pub(super) preset: Option<PresetArg>,
+    #[command(flatten)]
+    pub(super) target: TargetArgs,
     #[command(flatten)]
     pub(super) optimizer: OptimizerArgs,
     /// Search every µ-th node in an iteration; falls to 1 as the cost settles [default: 9].
@@ -135,7 +142,7 @@ impl OptimizeArgs {
             (None, None) => defaults.epsilon,
         };
         let max_time = self.max_time.map(|seconds| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX));
-        Ok(Settings {
+        let settings = Settings {
             optimizer: self.optimizer.settings(self, max_time)?,
             initial: self.initial()?,
             morton_bits: match self.morton_bits {
@@ -154,6 +161,10 @@ impl OptimizeArgs {
                 ..defaults
             },
             adaptive: self.leaves.settings(),
+        };
+        Ok(match self.preset {
+            Some(preset) => preset.apply(settings, self.max_iterations),
+            None => settings,
         })
     }
 

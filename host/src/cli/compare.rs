@@ -155,6 +155,9 @@ fn print_tables(comparison: &Comparison) {
     let columns = console::Term::stdout().size_checked().map_or(DEFAULT_COLUMNS, |(_, columns)| columns);
     for scene in &comparison.scenes {
         print(compare::table(scene, columns).trim_end());
+        if let Some(errors) = compare::errors_table(scene, columns) {
+            print(&format!("\n{}", errors.trim_end()));
+        }
         for note in compare::notes(scene) {
             let text = console::style(note.text);
             print(&(if note.is_fault { text.red() } else { text }).to_string());

@@ -9,10 +9,12 @@ mod leaves;
 mod log;
 mod optimize;
 mod optimizer;
+mod preset;
 mod render;
 mod render_args;
 mod stability;
 mod stats;
+mod target;
 
 use args::{BUILT_IN, Cli, Command, OptimizeArgs};
 use clap::Parser;

@@ -10,6 +10,7 @@ use prbvh::bvh::{self, SahModel};
 use prbvh::device::{self, Device};
 use prbvh::optimize::{Epsilon, IterationRow, StopReason};
 use prbvh::pipeline::{self, Initial, Optimized, Optimizer, Settings};
+use prbvh::reference::{ReferenceCost, ReferenceCosts};
 use prbvh::report::{self, Machine, Memory, PhaseTimes, Program, QualityReport, RunReport, SceneReport};
 use prbvh::scene::Scene;
 use std::ops::ControlFlow;
@@ -20,10 +21,12 @@ use std::process::ExitCode;
 pub(super) const DEFAULT_COLUMNS: u16 = 100;
 
 pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
-    let settings = args.settings()?;
+    let mut settings = args.settings()?;
     let interrupt = Interrupt::listen();
     let mut device = device::open(args.device, args.threads, args.validate)?;
     let scene = load_scene(&args.scene, args.triangles)?;
+    let known = known_cost(&scene)?;
+    args.target.apply(&mut settings, &scene, known.as_ref())?;
     if let Some(folder) = &args.out {
         check_folder(folder)?;
     }
@@ -38,7 +41,8 @@ pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
     });
     log.end_bar();
     let result = result?;
-    let report = report(args, &scene, &*device, &settings, &result);
+    let mut report = report(args, &scene, &*device, &settings, &result);
+    report.set_reference(known.as_ref());
 
     let written = args.out.as_deref().map_or(Ok(()), |folder| write(folder, &scene, &result, &report));
     if args.json {
@@ -53,6 +57,12 @@ pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
         anyhow::bail!("{}; the best tree before it was kept", result.outcome.stop);
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// What the reference file has for the scene.
+fn known_cost(scene: &Scene) -> anyhow::Result<Option<ReferenceCost>> {
+    let costs = ReferenceCosts::embedded().context("the reference costs in this program")?;
+    Ok(costs.get(&scene.hash, &SahModel::default()).cloned())
 }
 
 /// Makes the folder of the outputs and tries whether files can be made in it, before any time is spent on what is to go there.
@@ -106,6 +116,7 @@ fn report(
         device: device.info().name.clone(),
         initial_cost: result.initial.sah_cost,
         final_cost: result.quality.sah_cost,
+        reference: None,
         adaptive_cost: result.adaptive.map(|quality| quality.sah_cost),
         leaves: handed_out.leaves,
         depth: handed_out.max_depth,
@@ -137,6 +148,8 @@ fn report(
             epsilon_relative,
             max_iterations: max_iterations(settings),
             max_time_s: args.max_time,
+            target_cost: target_cost(settings),
+            preset: args.preset.map(value_name),
             threads: u32::try_from(args.threads).ok().filter(|&threads| threads > 0),
             sah: SahModel::default(),
             adaptive: settings.adaptive,
@@ -152,6 +165,14 @@ fn report(
         machine: Machine::current(),
         program: Program::current(),
         rows: result.outcome.rows.clone(),
+    }
+}
+
+fn target_cost(settings: &Settings) -> Option<f64> {
+    match &settings.optimizer {
+        Optimizer::Prbvh => settings.prbvh.target_cost,
+        Optimizer::Rbvh(settings) => settings.target_cost,
+        Optimizer::None => None,
     }
 }
 

@@ -35,6 +35,7 @@ mod tests {
             mu: 0,
             device: String::new(),
             build_s,
+            build_device_s: None,
             rows: points.iter().map(row).collect(),
             phases: Vec::new(),
         }

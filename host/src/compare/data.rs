@@ -1,5 +1,6 @@
 //! What a comparison found: the rows of the table, and the runs behind the figures.
 
+use super::errors::{SceneErrors, TimesToError};
 use crate::device::DeviceInfo;
 use crate::optimize::IterationRow;
 use crate::report::{Machine, Phase, Program};
@@ -57,6 +58,8 @@ pub struct SceneComparison {
     pub rows: Vec<MethodRow>,
     /// The optimiser's runs, for the figures.
     pub runs: Vec<OptimizerRun>,
+    /// Costs against the lowest one known; none before [`super::SceneErrors::of`] fills it, or if there is no cost.
+    pub errors: Option<SceneErrors>,
     /// Pictures of the scene.
     pub pictures: Vec<Picture>,
 }
@@ -101,6 +104,12 @@ pub struct MethodRow {
     pub iterations: Option<u32>,
     /// Hash of the tree with one triangle per leaf.
     pub tree_hash: Option<String>,
+    /// `cost / lowest cost known - 1`, unitless ([`super::SceneErrors`]).
+    #[serde(default)]
+    pub relative_error: Option<f64>,
+    /// When its run came near the lowest cost known.
+    #[serde(default)]
+    pub time_to: Option<TimesToError>,
     /// `ok`, or what went wrong in a line.
     pub status: String,
     /// Seconds that PRBVH with this row's µ needs, on one thread, to reach the cost of RBVH; and how many times RBVH's time that is less.
@@ -150,6 +159,10 @@ pub struct OptimizerRun {
     pub device: String,
     /// Wall time of the initial tree, seconds; a row's time from triangles is this and its `time_s`.
     pub build_s: f64,
+    /// Time of the initial tree on the device, seconds; none for what runs on the host alone. A row's device time from triangles is this
+    /// and its `device_s`.
+    #[serde(default)]
+    pub build_device_s: Option<f64>,
     /// A row per iteration; row 0 is the initial tree.
     pub rows: Vec<IterationRow>,
     /// Device time by kind of work, the initial tree's included.

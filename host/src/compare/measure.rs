@@ -7,9 +7,9 @@ use super::{MethodError, OptimizerRun, Purpose};
 use crate::build::DeviceTree;
 use crate::bvh::{self, Bvh, Quality, SahModel};
 use crate::collapse::{CollapseSettings, collapse};
-use crate::device::{Device, DeviceKind};
+use crate::device::{Device, DeviceKind, Timing};
 use crate::optimize::{IterationRow, StopReason};
-use crate::pipeline::{self, Settings};
+use crate::pipeline::{self, Optimizer, Settings};
 use crate::report::PhaseTimes;
 use crate::scene::{SafeRange, Scene};
 use prbvh_kernel::setup::Triangle;
@@ -65,6 +65,7 @@ impl<'a> Subject<'a> {
         };
         made.threads = threads;
         made.run.method.clone_from(&job.method);
+        made.run.mu = job.mu.unwrap_or(0);
         Ok(made)
     }
 
@@ -73,6 +74,7 @@ impl<'a> Subject<'a> {
         let built = pipeline::build_initial(self.scene, &mut meter, settings)?;
         let mut run = run_of_builder(&built.quality, built.build_s);
         run.initial = settings.initial.to_string();
+        run.build_device_s = Some(seconds(&built.timings));
         Ok(metered(&meter, built.tree, built.quality, built.build_s, run))
     }
 
@@ -84,8 +86,11 @@ impl<'a> Subject<'a> {
         }
         let run = OptimizerRun {
             initial: settings.initial.to_string(),
-            strategy: settings.prbvh.strategy.to_string(),
-            mu: settings.prbvh.mu,
+            strategy: match settings.optimizer {
+                Optimizer::Prbvh => settings.prbvh.strategy.to_string(),
+                Optimizer::Rbvh(_) | Optimizer::None => String::new(),
+            },
+            build_device_s: Some(seconds(&result.build_timings)),
             rows: result.outcome.rows,
             ..run_of_builder(&result.quality, result.build_s)
         };
@@ -151,6 +156,10 @@ impl<'a> Subject<'a> {
     }
 }
 
+fn seconds(timings: &[Timing]) -> f64 {
+    timings.iter().map(|timing| timing.seconds).sum()
+}
+
 /// What a builder's run looks like: one row.
 fn run_of_builder(quality: &Quality, build_s: f64) -> OptimizerRun {
     OptimizerRun {
@@ -161,6 +170,7 @@ fn run_of_builder(quality: &Quality, build_s: f64) -> OptimizerRun {
         mu: 0,
         device: String::new(),
         build_s,
+        build_device_s: None,
         rows: vec![IterationRow { cost: quality.sah_cost, ..IterationRow::default() }],
         phases: Vec::new(),
     }

@@ -8,7 +8,8 @@ use crate::build::MortonBits;
 use crate::build::TreeletSize;
 use crate::device::cpu::CpuDevice;
 use crate::optimize::{self, IterationRow, PrbvhSettings, RbvhSettings};
-use crate::pipeline::{Initial, Settings};
+use crate::pipeline::{Initial, Optimizer, Settings};
+use crate::presets::{self, Candidate};
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
 use std::num::NonZeroU32;
@@ -31,7 +32,7 @@ pub struct Job {
 pub(super) enum Builder {
     /// The initial tree of the settings, on a device.
     Initial(Settings),
-    /// PRBVH with the settings, on a device.
+    /// The tree of the settings, optimised, on a device.
     Prbvh(Settings),
     /// On the host alone, from triangles in the safe range.
     Host {
@@ -75,28 +76,53 @@ pub const PAPER_RADIUS: NonZeroU32 = NonZeroU32::new(100).expect("not 0");
 /// A name of `--methods`, and its rows.
 struct Entry {
     name: &'static str,
+    /// Whether it is among all methods where none are named.
+    is_default: bool,
     jobs: fn(&MethodSettings) -> Vec<Job>,
 }
 
 /// In the order of the paper's table, then the references.
 const METHODS: &[Entry] = &[
-    Entry { name: "lbvh", jobs: |_| vec![initial("lbvh".to_owned(), Initial::Lbvh)] },
+    Entry { name: "lbvh", is_default: true, jobs: |_| vec![initial("lbvh".to_owned(), Initial::Lbvh)] },
     #[cfg(feature = "atrbvh")]
     Entry {
         name: "atrbvh",
+        is_default: true,
         jobs: |_| vec![initial("atrbvh".to_owned(), Initial::Atrbvh { treelet: TreeletSize::default() })],
     },
     Entry {
         name: "ploc",
+        is_default: true,
         jobs: |settings| {
             vec![initial(format!("ploc r={}", settings.radius), Initial::Ploc { radius: settings.radius })]
         },
     },
     // The stop rule is the same; what differs is told at [`RbvhSettings::undo`].
-    Entry { name: "rbvh", jobs: |_| vec![rbvh("rbvh", rbvh_as_published), rbvh("rbvh undo", rbvh_with_undo)] },
-    Entry { name: "prbvh", jobs: |settings| settings.mu.iter().map(|&mu| prbvh(Settings::default(), mu)).collect() },
-    Entry { name: "sah-sweep", jobs: |_| vec![host("sah-sweep", |triangles| builder(build::sah_sweep(triangles)))] },
-    Entry { name: "sah-binned", jobs: |_| vec![host("sah-binned", |triangles| builder(build::sah_binned(triangles)))] },
+    Entry {
+        name: "rbvh",
+        is_default: true,
+        jobs: |_| vec![rbvh("rbvh", rbvh_as_published), rbvh("rbvh undo", rbvh_with_undo)],
+    },
+    Entry {
+        name: "prbvh",
+        is_default: true,
+        jobs: |settings| settings.mu.iter().map(|&mu| prbvh(Settings::default(), mu)).collect(),
+    },
+    Entry {
+        name: "sah-sweep",
+        is_default: true,
+        jobs: |_| vec![host("sah-sweep", |triangles| builder(build::sah_sweep(triangles)))],
+    },
+    Entry {
+        name: "sah-binned",
+        is_default: true,
+        jobs: |_| vec![host("sah-binned", |triangles| builder(build::sah_binned(triangles)))],
+    },
+    Entry {
+        name: "candidates",
+        is_default: false,
+        jobs: |_| presets::CANDIDATES.iter().filter_map(candidate).collect(),
+    },
 ];
 
 fn initial(method: String, initial: Initial) -> Job {
@@ -107,6 +133,18 @@ fn initial(method: String, initial: Initial) -> Job {
 pub(super) fn prbvh(settings: Settings, mu: u32) -> Job {
     let prbvh = PrbvhSettings { mu, ..settings.prbvh.clone() };
     Job { method: "prbvh".to_owned(), mu: Some(mu), builder: Builder::Prbvh(Settings { prbvh, ..settings }) }
+}
+
+/// A setting that presets are chosen from; none where this program was built without its initial tree.
+fn candidate(candidate: &Candidate) -> Option<Job> {
+    let settings = candidate.settings();
+    settings.initial.check().ok()?;
+    let builder = match settings.optimizer {
+        Optimizer::None => Builder::Initial(settings),
+        Optimizer::Prbvh | Optimizer::Rbvh(_) => Builder::Prbvh(settings),
+    };
+    // µ is part of the name, with all else.
+    Some(Job { method: candidate.to_string(), mu: None, builder })
 }
 
 fn host(method: &str, build: fn(&[Triangle]) -> Result<HostBuilt, MethodError>) -> Job {
@@ -174,7 +212,7 @@ pub fn method_names() -> Vec<&'static str> {
 /// At the first unknown name.
 pub fn jobs(names: &[String], settings: &MethodSettings) -> Result<Vec<Job>, NoSuchMethod> {
     if names.is_empty() {
-        let ours = METHODS.iter().flat_map(|entry| (entry.jobs)(settings));
+        let ours = METHODS.iter().filter(|entry| entry.is_default).flat_map(|entry| (entry.jobs)(settings));
         return Ok(ours.chain(peers::PEERS.iter().filter(|known| known.is_default).map(peer)).collect());
     }
     let mut jobs = Vec::new();

@@ -3,7 +3,10 @@
 mod against;
 mod data;
 mod error;
+mod errors;
+mod errors_table;
 mod figures;
+mod fitted;
 mod measure;
 mod meter;
 mod methods;
@@ -19,6 +22,8 @@ pub use data::{
     AgainstRbvh, Comparison, MethodRow, OptimizerRun, Picture, Purpose, RayRates, RaySettings, SCHEMA, SceneComparison,
 };
 pub use error::MethodError;
+pub use errors::{LEVELS, Reference, SceneErrors, SettingErrors, TimesToError};
+pub use errors_table::errors_table;
 pub use methods::{Job, MethodSettings, NoSuchMethod, PAPER_RADIUS, jobs, method_names};
 pub use peers::PeerHost;
 pub use run::{CompareSettings, NOT_RUN, Step, compare};

@@ -9,8 +9,10 @@ use super::slot::{SceneState, slots};
 use super::{
     Comparison, MethodRow, OptimizerRun, Purpose, RaySettings, SCHEMA, SceneComparison, against_rbvh, figures,
 };
+use crate::bvh::SahModel;
 use crate::device::cpu::CpuDevice;
 use crate::device::{Device, DeviceError};
+use crate::reference::{ReferenceCost, ReferenceCosts};
 use crate::report::{Machine, Program};
 use crate::scene::{Scene, built_in};
 use std::ops::ControlFlow;
@@ -182,7 +184,10 @@ impl Runner<'_> {
         self.run_on_one_thread(&state, &mut rows, &mut runs, progress);
         let triangles = u32::try_from(scene.triangles.len()).unwrap_or(u32::MAX);
         let pictures = state.views.into_pictures();
-        SceneComparison { name: scene.name.clone(), hash: scene.hash.clone(), triangles, rows, runs, pictures }
+        let (name, hash) = (scene.name.clone(), scene.hash.clone());
+        let mut compared = SceneComparison { name, hash, triangles, rows, runs, errors: None, pictures };
+        compared.set_errors(known_cost(scene).as_ref());
+        compared
     }
 
     /// A run outside the table; where it fails, a row that says so. None if the comparison is over.
@@ -248,6 +253,17 @@ impl Runner<'_> {
                 Some(Err(row)) => rows.push(row),
                 None => return,
             }
+        }
+    }
+}
+
+/// What the reference file has for the scene.
+fn known_cost(scene: &Scene) -> Option<ReferenceCost> {
+    match ReferenceCosts::embedded() {
+        Ok(costs) => costs.get(&scene.hash, &SahModel::default()).cloned(),
+        Err(error) => {
+            tracing::warn!("without reference costs: {}", in_a_line(&error));
+            None
         }
     }
 }

@@ -1,12 +1,8 @@
 //! The comparison of a scene on the terminal.
 
+use super::fitted::{Fitted, fitted};
 use super::{MethodRow, RayRates, SceneComparison};
 use crate::report::format;
-use comfy_table::{Cell, CellAlignment, ContentArrangement, LineStyle, Table, TableStyle};
-
-/// Lines above, below and under the header only.
-const STYLE: TableStyle = TableStyle::new().top_border(LINE).header_separator(LINE).bottom_border(LINE);
-const LINE: LineStyle = LineStyle::none().fill('─').junction('─');
 
 /// A column. Where there is no room for all, those of the highest rank go first.
 struct Column {
@@ -66,42 +62,23 @@ pub fn table(scene: &SceneComparison, width: u16) -> String {
     let cells = |column: &Column| -> Vec<String> {
         scene.rows.iter().map(|row| (column.cell)(row).unwrap_or_else(|| "-".to_owned())).collect()
     };
-    let mut columns: Vec<(&Column, Vec<String>)> = COLUMNS
+    let columns: Vec<Fitted> = COLUMNS
         .iter()
         .filter(|column| scene.rows.iter().any(|row| (column.cell)(row).is_some()))
-        .map(|column| (column, cells(column)))
-        .filter(|(column, _)| column.header != "device" || has_devices(scene))
+        .filter(|column| column.header != "device" || has_devices(scene))
+        .map(|column| Fitted {
+            header: column.header.to_owned(),
+            rank: column.rank,
+            is_text: column.is_text,
+            cells: cells(column),
+        })
         .collect();
-    let shown = columns.iter().map(|(column, _)| column.header).collect::<Vec<_>>();
-    while columns.iter().map(wide).sum::<usize>() > usize::from(width) && columns.len() > 2 {
-        let last = (0..columns.len()).max_by_key(|&k| columns[k].0.rank).unwrap_or(0);
-        columns.remove(last);
-    }
-    let is_left_out = |header: &&str| columns.iter().all(|(column, _)| column.header != *header);
-    let left_out: Vec<&str> = shown.into_iter().filter(is_left_out).collect();
-
-    let mut table = Table::new();
-    table.load_style(STYLE).set_content_arrangement(ContentArrangement::Disabled);
-    let cell = |column: &Column, text: &str| {
-        let alignment = if column.is_text { CellAlignment::Left } else { CellAlignment::Right };
-        Cell::new(text).set_alignment(alignment)
-    };
-    table.set_header(columns.iter().map(|(column, _)| cell(column, column.header)));
-    for k in 0..scene.rows.len() {
-        table.add_row(columns.iter().map(|(column, cells)| cell(column, &cells[k])));
-    }
-    let mut text =
-        format!("{} ({} triangles)\n{}\n", scene.name, format::count(scene.triangles.into()), table.trim_fmt());
+    let (table, left_out) = fitted(columns, width);
+    let mut text = format!("{} ({} triangles)\n{table}\n", scene.name, format::count(scene.triangles.into()));
     if !left_out.is_empty() {
         text.push_str(&format!("no room for: {}\n", left_out.join(", ")));
     }
     text
-}
-
-/// Columns of the terminal that it takes, with its padding and the gap before the next.
-fn wide((column, cells): &(&Column, Vec<String>)) -> usize {
-    let texts = cells.iter().map(String::as_str).chain([column.header]);
-    texts.map(|text| text.chars().count()).max().unwrap_or(0) + 3
 }
 
 /// A line below the table.
@@ -205,6 +182,7 @@ mod tests {
             triangles: 250_000,
             rows,
             runs: Vec::new(),
+            errors: None,
             pictures: Vec::new(),
         }
     }

@@ -1,6 +1,6 @@
 //! `compare.json` and `compare.csv`.
 
-use super::{Comparison, MethodRow};
+use super::{Comparison, MethodRow, TimesToError};
 use crate::report::write::{WriteError, write_atomically};
 use serde::Serialize;
 use std::io;
@@ -54,10 +54,22 @@ struct Flat<'a> {
     tree_hash: Option<&'a str>,
     status: &'a str,
     faster_than_rbvh: Option<f64>,
+    relative_error: Option<f64>,
+    wall_s_to_10_percent: Option<f64>,
+    wall_s_to_5_percent: Option<f64>,
+    wall_s_to_2_percent: Option<f64>,
+    wall_s_to_1_percent: Option<f64>,
+    wall_s_to_0_1_percent: Option<f64>,
+    device_s_to_10_percent: Option<f64>,
+    device_s_to_5_percent: Option<f64>,
+    device_s_to_2_percent: Option<f64>,
+    device_s_to_1_percent: Option<f64>,
+    device_s_to_0_1_percent: Option<f64>,
 }
 
 impl<'a> From<&'a MethodRow> for Flat<'a> {
     fn from(row: &'a MethodRow) -> Self {
+        let TimesToError { wall_s, device_s } = row.time_to.unwrap_or_default();
         Self {
             scene: &row.scene,
             method: &row.method,
@@ -82,6 +94,17 @@ impl<'a> From<&'a MethodRow> for Flat<'a> {
             tree_hash: row.tree_hash.as_deref(),
             status: &row.status,
             faster_than_rbvh: row.against_rbvh.map(|against| against.speed_up),
+            relative_error: row.relative_error,
+            wall_s_to_10_percent: wall_s[0],
+            wall_s_to_5_percent: wall_s[1],
+            wall_s_to_2_percent: wall_s[2],
+            wall_s_to_1_percent: wall_s[3],
+            wall_s_to_0_1_percent: wall_s[4],
+            device_s_to_10_percent: device_s[0],
+            device_s_to_5_percent: device_s[1],
+            device_s_to_2_percent: device_s[2],
+            device_s_to_1_percent: device_s[3],
+            device_s_to_0_1_percent: device_s[4],
         }
     }
 }

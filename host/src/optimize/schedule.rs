@@ -27,6 +27,8 @@ pub struct PrbvhSettings {
     pub max_iterations: u32,
     /// No iteration starts after this wall time.
     pub max_time: Option<Duration>,
+    /// No iteration starts on a tree of this cost or less; unitless, as [`IterationRow::cost`].
+    pub target_cost: Option<f64>,
     /// Iterations without a new best tree, by more than `epsilon`, that end the search with this `mu`: the published rule can cycle for
     /// ever.
     pub patience: u32,
@@ -40,6 +42,7 @@ impl Default for PrbvhSettings {
             epsilon: Epsilon::Relative(1e-4),
             max_iterations: 1000,
             max_time: None,
+            target_cost: None,
             patience: 20,
         }
     }
@@ -55,6 +58,8 @@ pub enum StopReason {
     MaxIterations,
     /// The time was up.
     MaxTime,
+    /// The cost is as low as was asked for.
+    Target,
     /// The caller asked to stop.
     Cancelled,
     /// A kernel reported a fault; the best tree before it was kept.
@@ -69,6 +74,7 @@ impl std::fmt::Display for StopReason {
             Self::Converged => f.write_str("converged"),
             Self::MaxIterations => f.write_str("iteration limit"),
             Self::MaxTime => f.write_str("time limit"),
+            Self::Target => f.write_str("target cost reached"),
             Self::Cancelled => f.write_str("cancelled"),
             Self::NoOptimizer => f.write_str("no optimiser"),
             Self::Fault(bits) => write!(f, "fault {bits:#x} in a kernel"),
@@ -83,6 +89,7 @@ pub(super) struct Schedule {
     patience: u32,
     max_iterations: u32,
     max_time: Option<Duration>,
+    target_cost: Option<f64>,
     mu: u32,
     cost: f64,
     best: f64,
@@ -100,6 +107,7 @@ impl Schedule {
             patience: settings.patience.max(1),
             max_iterations: settings.max_iterations,
             max_time: settings.max_time,
+            target_cost: settings.target_cost,
             mu: settings.mu.max(1),
             cost: initial_cost,
             best: initial_cost,
@@ -114,7 +122,9 @@ impl Schedule {
 
     /// Whether a limit forbids another iteration.
     pub(super) fn limit(&self, iterations: u32, elapsed: Duration) -> Option<StopReason> {
-        if iterations >= self.max_iterations {
+        if self.is_at_target() {
+            Some(StopReason::Target)
+        } else if iterations >= self.max_iterations {
             Some(StopReason::MaxIterations)
         } else if self.max_time.is_some_and(|limit| elapsed >= limit) {
             Some(StopReason::MaxTime)
@@ -123,10 +133,17 @@ impl Schedule {
         }
     }
 
+    fn is_at_target(&self) -> bool {
+        self.target_cost.is_some_and(|target| self.cost <= target)
+    }
+
     /// Takes note of an iteration; says whether it was the last.
     pub(super) fn note(&mut self, row: &IterationRow) -> Option<StopReason> {
         let change = (self.cost - row.cost).abs();
         self.cost = row.cost;
+        if self.is_at_target() {
+            return Some(StopReason::Target);
+        }
         self.since_best += 1;
         if row.cost < self.best - self.epsilon {
             self.since_best = 0;
@@ -200,5 +217,18 @@ mod tests {
         assert_eq!(rule.limit(2, Duration::from_millis(999)), None);
         assert_eq!(rule.limit(3, Duration::ZERO), Some(StopReason::MaxIterations));
         assert_eq!(rule.limit(0, Duration::from_secs(1)), Some(StopReason::MaxTime));
+    }
+
+    #[test]
+    fn the_target_ends_a_run_before_any_other_reason() {
+        let settings = PrbvhSettings { target_cost: Some(90.0), mu: 1, max_iterations: 1, ..PrbvhSettings::default() };
+        let mut rule = Schedule::new(&settings, 100.0);
+        assert_eq!(rule.limit(0, Duration::ZERO), None);
+        assert_eq!(rule.note(&row(90.5, 1)), None);
+        assert_eq!(rule.note(&row(90.0, 0)), Some(StopReason::Target));
+        assert_eq!(rule.limit(9, Duration::ZERO), Some(StopReason::Target));
+        assert_eq!(Schedule::new(&settings, 89.0).limit(0, Duration::ZERO), Some(StopReason::Target), "initial tree");
+        let mut rule = Schedule::new(&settings, 100.0);
+        assert_eq!(rule.note(&row(f64::NAN, 1)), Some(StopReason::Converged), "no number is no target");
     }
 }

@@ -17,7 +17,7 @@ pub mod write;
 
 pub use machine::Machine;
 pub use phases::{Phase, PhaseTimes};
-pub use run::{Memory, Program, QualityReport, RunReport, SCHEMA, SceneReport, Settings};
+pub use run::{Memory, Program, QualityReport, RunReference, RunReport, SCHEMA, SceneReport, Settings};
 pub use table::table;
 
 use std::path::{Path, PathBuf};

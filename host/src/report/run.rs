@@ -5,6 +5,7 @@ use crate::bvh::{Quality, SahModel};
 use crate::collapse::CollapseSettings;
 use crate::device::DeviceInfo;
 use crate::optimize::{IterationRow, RbvhSettings};
+use crate::reference::ReferenceCost;
 use serde::Serialize;
 
 /// Version of [`RunReport`] as JSON; grows when a key changes its meaning or goes away.
@@ -25,6 +26,8 @@ pub struct RunReport {
     pub initial_cost: f64,
     /// SAH cost of the best tree with one triangle per leaf, which is what was optimised, unitless.
     pub final_cost: f64,
+    /// What the cost is compared with; none before [`RunReport::set_reference`].
+    pub reference: Option<RunReference>,
     /// SAH cost of the tree handed out by the costs of `settings.adaptive`; none if its leaves are single.
     pub adaptive_cost: Option<f64>,
     /// Leaves of the tree handed out.
@@ -61,6 +64,31 @@ pub struct RunReport {
     pub program: Program,
     /// A row per iteration; iteration 0 is the initial tree.
     pub rows: Vec<IterationRow>,
+}
+
+/// The lowest cost known of the scene, this run included.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RunReference {
+    /// SAH cost, unitless.
+    pub reference_cost: f64,
+    /// What reached it: `this run`, or a method and the commit at which it was measured.
+    pub source: String,
+    /// `final_cost / reference_cost - 1`.
+    pub final_error: f64,
+}
+
+impl RunReport {
+    /// Compares the final cost with the one of the reference file, if there is one.
+    pub fn set_reference(&mut self, known: Option<&ReferenceCost>) {
+        let cost = self.final_cost;
+        let known = known.filter(|known| known.cost <= cost);
+        let (reference_cost, source) = match known {
+            Some(known) => (known.cost, format!("{}, commit {}", known.method, known.commit)),
+            None => (cost, "this run".to_owned()),
+        };
+        let final_error = if cost == reference_cost { 0.0 } else { cost / reference_cost - 1.0 };
+        self.reference = Some(RunReference { reference_cost, source, final_error });
+    }
 }
 
 /// What ran.
@@ -126,6 +154,10 @@ pub struct Settings {
     pub max_iterations: Option<u32>,
     /// Longest wall time, seconds; none: no limit.
     pub max_time_s: Option<f64>,
+    /// Cost at which the run ends, unitless; none: no limit.
+    pub target_cost: Option<f64>,
+    /// Preset that the settings are of; none: of arguments or defaults.
+    pub preset: Option<String>,
     /// Threads of the CPU device; none: as many as there are.
     pub threads: Option<u32>,
     /// Costs behind every SAH cost of the report but that of adaptive leaves.

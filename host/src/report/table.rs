@@ -41,6 +41,10 @@ fn outcome(report: &RunReport, width: u16) -> Table {
     if let Some(adaptive) = report.adaptive_cost {
         row("adaptive cost", format!("{} ({} leaves)", cost(adaptive), format::count(report.leaves.into())));
     }
+    if let Some(reference) = report.reference.as_ref().filter(|reference| reference.final_error > 0.0) {
+        let error = 100.0 * reference.final_error;
+        row("above the best known", format!("{error:.3} % ({})", cost(reference.reference_cost)));
+    }
     row("iterations", format::count(report.iterations.into()));
     row("build time", format::seconds(report.build_s));
     row("optimise time", format::seconds(report.time_s));

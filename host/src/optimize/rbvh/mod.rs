@@ -47,6 +47,8 @@ pub struct RbvhSettings {
     pub max_iterations: u32,
     /// No batch starts after this wall time.
     pub max_time: Option<Duration>,
+    /// No batch starts once a tree has this cost or less; unitless, as [`IterationRow::cost`].
+    pub target_cost: Option<f64>,
     /// Seed of the random picks.
     pub seed: u64,
 }
@@ -62,6 +64,7 @@ impl Default for RbvhSettings {
             patience: 10,
             max_iterations: 100_000,
             max_time: None,
+            target_cost: None,
             seed: 1,
         }
     }

@@ -21,6 +21,9 @@ pub(super) struct Schedule {
     patience: u32,
     max_iterations: u32,
     max_time: Option<Duration>,
+    target_cost: Option<f64>,
+    /// Of all trees so far, where `best` only counts what is better by more than epsilon.
+    lowest: f64,
     best: f64,
     since_best: u32,
 }
@@ -33,6 +36,8 @@ impl Schedule {
             patience: settings.patience.max(1),
             max_iterations: settings.max_iterations,
             max_time: settings.max_time,
+            target_cost: settings.target_cost,
+            lowest: initial_cost,
             best: initial_cost,
             since_best: 0,
         }
@@ -45,7 +50,9 @@ impl Schedule {
 
     /// Whether there is no further batch.
     pub(super) fn stop(&self, batches: u32, elapsed: Duration) -> Option<StopReason> {
-        if self.since_best >= self.patience {
+        if self.target_cost.is_some_and(|target| self.lowest <= target) {
+            Some(StopReason::Target)
+        } else if self.since_best >= self.patience {
             Some(StopReason::Converged)
         } else if batches >= self.max_iterations {
             Some(StopReason::MaxIterations)
@@ -59,6 +66,7 @@ impl Schedule {
     /// Takes note of a batch. `is_undone` says that what was not applied left no trace.
     pub(super) fn note(&mut self, row: &IterationRow, is_undone: bool) {
         let cost = row.cost;
+        self.lowest = self.lowest.min(cost);
         if is_undone && row.applied == 0 && self.source() == Source::Worst {
             // The tree is what it was: the batches up to the random one would all be this one again.
             self.since_best = self.random_after.min(self.patience);
@@ -117,6 +125,18 @@ mod tests {
         let mut rule = Schedule::new(&settings, 100.0);
         (0..3).for_each(|_| rule.note(&row(f64::NAN, 1), false));
         assert_eq!(rule.stop(3, Duration::ZERO), Some(StopReason::Converged));
+    }
+
+    #[test]
+    fn the_target_ends_a_run() {
+        let settings = RbvhSettings { target_cost: Some(99.9999), patience: 1, ..RbvhSettings::default() };
+        let mut rule = Schedule::new(&settings, 100.0);
+        assert_eq!(rule.stop(0, Duration::ZERO), None);
+        rule.note(&row(f64::NAN, 1), true);
+        assert_eq!(rule.stop(1, Duration::ZERO), Some(StopReason::Converged));
+        rule.note(&row(99.9999, 1), true);
+        assert_eq!(rule.stop(2, Duration::ZERO), Some(StopReason::Target), "also within epsilon");
+        assert_eq!(Schedule::new(&settings, 99.0).stop(0, Duration::ZERO), Some(StopReason::Target));
     }
 
     #[test]

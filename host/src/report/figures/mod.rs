@@ -5,6 +5,7 @@
 mod bars;
 mod chart;
 mod cost;
+mod errors;
 mod initial;
 mod kernels;
 mod labels;
@@ -93,6 +94,7 @@ pub enum Value {
 pub fn scene_figures(scene: &SceneComparison) -> Result<Vec<Figure>, PlotError> {
     let figures = [
         cost::figure(scene)?,
+        errors::figure(scene)?,
         mu::figure(scene)?,
         strategy::figure(scene)?,
         initial::figure(scene)?,

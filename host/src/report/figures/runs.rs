@@ -95,6 +95,7 @@ mod tests {
             mu,
             device: device.to_owned(),
             build_s: 0.5,
+            build_device_s: None,
             rows: vec![IterationRow::default()],
             phases: Vec::new(),
         }
@@ -117,6 +118,7 @@ mod tests {
             triangles: 1,
             rows: Vec::new(),
             runs,
+            errors: None,
             pictures: Vec::new(),
         };
         let found = |runs| {

@@ -1,7 +1,7 @@
 //! The data of the page as JSON inside it.
 
 use super::Drawn;
-use crate::compare::{Comparison, MethodRow, RaySettings, SceneComparison};
+use crate::compare::{Comparison, MethodRow, RaySettings, SceneComparison, SceneErrors};
 use crate::device::DeviceInfo;
 use crate::report::figures::{Figure, Hover};
 use crate::report::{Machine, Program};
@@ -28,6 +28,7 @@ struct SceneData<'a> {
     hash: &'a str,
     triangles: u32,
     rows: &'a [MethodRow],
+    errors: Option<&'a SceneErrors>,
 }
 
 #[derive(Serialize)]
@@ -38,7 +39,13 @@ struct FigureData<'a> {
 
 impl<'a> From<&'a SceneComparison> for SceneData<'a> {
     fn from(scene: &'a SceneComparison) -> Self {
-        Self { name: &scene.name, hash: &scene.hash, triangles: scene.triangles, rows: &scene.rows }
+        Self {
+            name: &scene.name,
+            hash: &scene.hash,
+            triangles: scene.triangles,
+            rows: &scene.rows,
+            errors: scene.errors.as_ref(),
+        }
     }
 }
 

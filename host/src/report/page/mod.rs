@@ -5,6 +5,7 @@
 
 mod columns;
 mod data;
+mod errors;
 mod names;
 mod view;
 

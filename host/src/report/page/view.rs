@@ -1,6 +1,7 @@
 //! What `page.html` shows, as text.
 
 use super::columns::{Better, COLUMNS, Cell, Column};
+use super::errors::ErrorsView;
 use super::{Drawn, data, names};
 use crate::compare::{Comparison, MethodRow, Picture, SceneComparison};
 use crate::device::{DeviceInfo, DeviceKind};
@@ -36,6 +37,7 @@ struct SceneView<'a> {
     triangles: String,
     columns: Vec<&'static Column>,
     rows: Vec<RowView<'a>>,
+    errors: Option<ErrorsView>,
     figures: Vec<FigureView<'a>>,
     pictures: Vec<PictureView<'a>>,
 }
@@ -165,6 +167,7 @@ fn scene_view<'a>(k: usize, scene: &'a SceneComparison, drawn: &'a Drawn) -> Sce
         triangles: format::count(scene.triangles.into()),
         columns,
         rows,
+        errors: ErrorsView::of(scene),
         figures: drawn.figures.iter().map(|(file, figure)| figure_view(file, figure)).collect(),
         pictures: pictures.collect(),
     }
@@ -236,6 +239,7 @@ mod tests {
                 triangles: 0,
                 rows: rows.to_vec(),
                 runs: Vec::new(),
+                errors: None,
                 pictures: Vec::new(),
             };
             let drawn = Drawn { figures: Vec::new(), pictures: Vec::new() };

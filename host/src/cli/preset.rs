@@ -1,0 +1,98 @@
+//! `--preset`: the settings that [`prbvh::presets`] has for it.
+
+use clap::ValueEnum;
+use prbvh::optimize::{PrbvhSettings, RbvhSettings};
+use prbvh::pipeline::{Optimizer, Settings};
+use prbvh::presets::Preset;
+
+/// Arguments whose settings a preset has: beside it they are refused. Limits, targets and leaves may stand beside it.
+pub(super) const PRESET_SETS: [&str; 10] =
+    ["initial", "radius", "treelet", "strategy", "optimizer", "batch", "seed", "mu", "epsilon", "epsilon_absolute"];
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum PresetArg {
+    /// A tree soon.
+    Fast,
+    /// Most of what can be gained, in a part of the time.
+    Balanced,
+    /// The lowest cost, as long as it takes.
+    Best,
+}
+
+impl PresetArg {
+    /// `asked` with the preset's initial tree and optimiser, and its own limits. Without `max_iterations` the limit is that of the
+    /// preset's optimiser.
+    pub(super) fn apply(self, asked: Settings, max_iterations: Option<u32>) -> Settings {
+        let preset = match self {
+            Self::Fast => Preset::Fast,
+            Self::Balanced => Preset::Balanced,
+            Self::Best => Preset::Best,
+        };
+        let Some(candidate) = preset.candidate() else { return asked };
+        let chosen = candidate.settings();
+        let max_time = asked.prbvh.max_time;
+        let optimizer = match chosen.optimizer {
+            Optimizer::Rbvh(settings) => {
+                let max_iterations = max_iterations.unwrap_or(settings.max_iterations);
+                Optimizer::Rbvh(RbvhSettings { max_iterations, max_time, ..settings })
+            }
+            other => other,
+        };
+        let max_iterations = max_iterations.unwrap_or(chosen.prbvh.max_iterations);
+        let prbvh = PrbvhSettings { max_iterations, max_time, ..chosen.prbvh };
+        Settings { initial: chosen.initial, optimizer, prbvh, ..asked }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::args::{Cli, Command};
+    use super::*;
+    use clap::Parser;
+    use std::time::Duration;
+
+    fn settings(arguments: &str) -> Result<Settings, String> {
+        let arguments = ["prbvh", "optimize"].into_iter().chain(arguments.split_whitespace());
+        let cli = Cli::try_parse_from(arguments).map_err(|error| error.to_string())?;
+        let Some(Command::Optimize(args)) = cli.command else { panic!("`optimize` was said") };
+        args.settings().map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_preset_is_plain_settings() {
+        for (name, preset) in [("fast", Preset::Fast), ("balanced", Preset::Balanced), ("best", Preset::Best)] {
+            let expected = preset.candidate().unwrap().settings();
+            assert_eq!(settings(&format!("--preset {name}")), Ok(expected.clone()), "{name}");
+            let limited =
+                settings(&format!("--preset {name} --max-time 2 --max-iterations 7 --morton-bits 30")).unwrap();
+            let limits = match &limited.optimizer {
+                Optimizer::Rbvh(settings) => (settings.max_time, settings.max_iterations),
+                Optimizer::Prbvh | Optimizer::None => (limited.prbvh.max_time, limited.prbvh.max_iterations),
+            };
+            assert_eq!(limits, (Some(Duration::from_secs(2)), 7), "{name}");
+            assert_eq!((&limited.initial, limited.prbvh.mu), (&expected.initial, expected.prbvh.mu));
+            assert_ne!(limited.morton_bits, expected.morton_bits);
+        }
+    }
+
+    #[test]
+    fn what_a_preset_sets_is_refused_beside_it_by_name() {
+        for argument in [
+            "--initial lbvh",
+            "--radius 9",
+            "--treelet 9",
+            "--strategy aggressive",
+            "--optimizer prbvh",
+            "--batch 0.1",
+            "--seed 1",
+            "--mu 9",
+            "--epsilon 0.1",
+            "--epsilon-absolute 0.1",
+        ] {
+            let error = settings(&format!("--preset fast {argument}")).unwrap_err();
+            let name = argument.split(' ').next().unwrap();
+            assert!(error.contains("--preset") && error.contains(name), "{argument}: {error}");
+        }
+        assert!(settings("--preset slow").unwrap_err().contains("fast, balanced, best"));
+    }
+}
