@@ -14,7 +14,7 @@ mod stl;
 mod tests;
 
 pub use built_in::DEFAULT_TRIANGLES;
-pub use census::Census;
+pub use census::{Census, duplicate_boxes};
 pub use error::{MAX_TRIANGLES, Place, SceneError};
 pub use range::SafeRange;
 
