@@ -29,7 +29,7 @@ fn obj(triangles: &[Triangle]) -> String {
 
 /// With a triangle beside the first one, in the same cell of 30-bit codes.
 fn with_near_pair(mut triangles: Vec<Triangle>) -> Vec<Triangle> {
-    let near = |p: [f32; 3]| p.map(|x| x + 1e-5);
+    let near = |p: [f32; 3]| p.map(|x| x - 1e-5);
     let Triangle { a, b, c } = triangles[0];
     triangles.push(Triangle { a: near(a), b: near(b), c: near(c) });
     triangles
@@ -103,13 +103,16 @@ fn a_bit_too_few_makes_another_tree() {
     let triangles = working(&triangles);
     let mut device = CpuDevice::new(1).unwrap();
     let enough = census.enough(MortonBits::Sixty);
+    // PLOC makes a tree of any order.
     let nodes = |device: &mut CpuDevice, codes: Codes| {
-        let (tree, _) = lbvh(device, &triangles, codes).unwrap();
+        let (tree, _, _) = ploc(device, &triangles, codes, DEFAULT_RADIUS).unwrap();
         tree.download(device).unwrap()
     };
     let all = nodes(&mut device, enough);
     assert!(all != nodes(&mut device, Codes { high: enough.high & 0xff_ffff, ..enough }));
-    assert!(all != nodes(&mut device, Codes { bits: MortonBits::Thirty, ..enough }));
+    let (tree, _) = lbvh(&mut device, &triangles, enough).unwrap();
+    let (of_30, _) = lbvh(&mut device, &triangles, Codes { bits: MortonBits::Thirty, ..enough }).unwrap();
+    assert!(tree.download(&mut device).unwrap() != of_30.download(&mut device).unwrap());
 }
 
 fn settings(max_leaf: Option<u32>) -> Settings {
