@@ -1,16 +1,12 @@
 //! Scenes that are wrong or odd: a right tree or a clear error, on every device.
 
-use prbvh::build::check_limits;
 use prbvh::bvh::{Bvh, SahModel, quality, tree_hash, validate};
-use prbvh::device::cpu::CpuDevice;
-use prbvh::device::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
-use prbvh::optimize::{StopReason, Strategy};
-use prbvh::pipeline::{Optimized, PipelineError, Settings, optimize};
-use prbvh::scene::{MAX_TRIANGLES, Scene};
-use prbvh_kernel::node::Node;
+use prbvh::optimize::StopReason;
+use prbvh::pipeline::{Optimized, Settings, optimize};
+use prbvh::scene::Scene;
 use prbvh_kernel::setup::Triangle;
 use prbvh_tests::command::{Ended, run};
-use prbvh_tests::devices::{vulkan_devices, with_devices, without_vulkan};
+use prbvh_tests::devices::{with_devices, without_vulkan};
 use prbvh_tests::fixtures::soup;
 use std::io::Write;
 use std::ops::ControlFlow;
