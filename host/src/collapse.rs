@@ -89,7 +89,8 @@ pub fn collapse(
     result
 }
 
-fn check_settings(settings: &CollapseSettings) -> Result<(), CollapseError> {
+/// Refuses settings that are out of range.
+pub(crate) fn check_settings(settings: &CollapseSettings) -> Result<(), CollapseError> {
     let SahModel { c_traversal, c_intersect } = settings.sah;
     for (name, value) in [("c_traversal", c_traversal), ("c_intersect", c_intersect)] {
         if !(0.0..=1e6).contains(&value) {
@@ -117,6 +118,40 @@ fn check_words(device: &dyn Device, tree: &DeviceTree) -> Result<(), DeviceError
     Ok(())
 }
 
+/// Allocates what the collapse of a tree of `references` triangles takes at most, and gives it back: for plans.
+pub(crate) fn reserve(device: &mut dyn Device, references: u32) -> Result<(), DeviceError> {
+    let mut scratch = Scratch::default();
+    let result = Working::allocate(device, &mut scratch, references).and_then(|_| {
+        let length = DeviceTree::node_count(references) as usize;
+        scratch.allocate(device, NODES, length, size_of::<CompactNode>())?;
+        scratch.allocate(device, ORDER, references as usize, 4)
+    });
+    scratch.free(device);
+    result.map(|_| ())
+}
+
+const NODES: &str = "collapsed nodes";
+const ORDER: &str = "triangle order";
+
+/// Buffers that no collapsed tree keeps.
+struct Working {
+    subtrees: Buffer,
+    arrivals: Buffer,
+    places: [Buffer; 2],
+}
+
+impl Working {
+    fn allocate(device: &mut dyn Device, scratch: &mut Scratch, references: u32) -> Result<Self, DeviceError> {
+        let length = DeviceTree::node_count(references) as usize;
+        let mut buffer = |label, length, bytes| scratch.allocate(device, label, length, bytes);
+        Ok(Self {
+            subtrees: buffer("subtrees", length * SUBTREE_WORDS as usize, 4)?,
+            arrivals: buffer("arrivals", arrivals_length(references), 4)?,
+            places: [buffer("places", length, size_of::<Place>())?, buffer("places", length, size_of::<Place>())?],
+        })
+    }
+}
+
 struct Stages<'a> {
     tree: &'a DeviceTree,
     scratch: &'a mut Scratch,
@@ -126,14 +161,13 @@ struct Stages<'a> {
 impl Stages<'_> {
     fn run(mut self, device: &mut dyn Device, settings: &CollapseSettings) -> Result<Collapsed, CollapseError> {
         let count = DeviceTree::node_count(self.tree.references);
-        let length = count as usize;
-        let subtrees = self.scratch.allocate(device, "subtrees", length * SUBTREE_WORDS as usize, 4)?;
-        let root = self.sizes(device, settings, &subtrees)?;
-        let places = self.places(device, count, &subtrees, root[HEIGHT as usize])?;
+        let Working { subtrees, arrivals, places } = Working::allocate(device, self.scratch, self.tree.references)?;
+        let root = self.sizes(device, settings, [&subtrees, &arrivals])?;
+        let places = self.places(device, count, (&subtrees, places), root[HEIGHT as usize])?;
 
         let remaining = root[REMAINING as usize] as usize;
-        let nodes = device.allocate("collapsed nodes", remaining, size_of::<CompactNode>())?;
-        let order = match device.allocate("triangle order", self.tree.references as usize, 4) {
+        let nodes = device.allocate(NODES, remaining, size_of::<CompactNode>())?;
+        let order = match device.allocate(ORDER, self.tree.references as usize, 4) {
             Ok(order) => order,
             Err(error) => {
                 device.free(nodes);
@@ -158,7 +192,7 @@ impl Stages<'_> {
         &mut self,
         device: &mut dyn Device,
         settings: &CollapseSettings,
-        subtrees: &Buffer,
+        [subtrees, arrivals]: [&Buffer; 2],
     ) -> Result<[u32; SUBTREE_WORDS as usize], CollapseError> {
         let n = self.tree.references;
         let params = CollapseParams {
@@ -167,10 +201,9 @@ impl Stages<'_> {
             c_intersect: settings.sah.c_intersect as f32,
             max_leaf: settings.max_leaf.unwrap_or(u32::MAX),
         };
-        let arrivals = self.scratch.allocate(device, "arrivals", arrivals_length(n), 4)?;
         let mut recording = Recording::new();
-        recording.clear("collapse", &arrivals);
-        recording.dispatch("collapse", Kernel::CollapseSizes, n, &params, &[&self.tree.nodes, subtrees, &arrivals]);
+        recording.clear("collapse", arrivals);
+        recording.dispatch("collapse", Kernel::CollapseSizes, n, &params, &[&self.tree.nodes, subtrees, arrivals]);
         self.timings.extend(device.run(&recording)?);
         let mut root = [0; SUBTREE_WORDS as usize];
         device.download(subtrees, bytemuck::cast_slice_mut(&mut root))?;
@@ -188,11 +221,9 @@ impl Stages<'_> {
         &mut self,
         device: &mut dyn Device,
         count: u32,
-        subtrees: &Buffer,
+        (subtrees, [mut from, mut to]): (&Buffer, [Buffer; 2]),
         height: u32,
     ) -> Result<Buffer, CollapseError> {
-        let mut from = self.scratch.allocate(device, "places", count as usize, size_of::<Place>())?;
-        let mut to = self.scratch.allocate(device, "places", count as usize, size_of::<Place>())?;
         let params = PlacesParams { count };
         let mut recording = Recording::new();
         let buffers = [&self.tree.nodes, subtrees, &from];

@@ -9,6 +9,7 @@ pub mod compare;
 pub mod device;
 pub mod optimize;
 pub mod pipeline;
+pub mod plan;
 pub mod presets;
 pub mod reference;
 pub mod render;

@@ -1,10 +1,11 @@
 //! From a scene to its best tree: safe range, initial tree, optimiser, adaptive leaves, original boxes, validation.
 
-use crate::build::{self, DeviceTree, MortonBits, TreeOfFileError, TreeletSize};
+use crate::build::{self, Codes, DeviceTree, MortonBits, TreeOfFileError, TreeletSize};
 use crate::bvh::{self, Bvh, Quality, SahModel, TreeFault};
-use crate::collapse::{CollapseError, CollapseSettings, collapse};
+use crate::collapse::{CollapseError, CollapseSettings, check_settings, collapse};
 use crate::device::{Device, DeviceError, DeviceInfo, Timing, on_host};
-use crate::optimize::{IterationRow, Outcome, PrbvhSettings, RbvhSettings, StopReason, Strategy, prbvh, rbvh};
+use crate::optimize::{IterationRow, Outcome, PrbvhSettings, RbvhSettings, StopReason, prbvh, rbvh};
+use crate::plan::Plan;
 use crate::scene::{SafeRange, Scene};
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
@@ -42,8 +43,13 @@ pub enum Initial {
 
 impl Initial {
     /// Whether it is built from Morton codes.
-    fn has_codes(&self) -> bool {
+    pub(crate) fn has_codes(&self) -> bool {
         matches!(self, Self::Lbvh | Self::Ploc { .. } | Self::Atrbvh { .. })
+    }
+
+    /// As on the command line, but no path.
+    pub(crate) fn method(&self) -> String {
+        if let Self::File(_) = self { "tree file".to_owned() } else { self.to_string() }
     }
 
     /// Whether this program has the builder.
@@ -140,8 +146,10 @@ pub struct Optimized {
     pub build_timings: Vec<Timing>,
     /// Wall time of the optimiser, seconds.
     pub optimize_s: f64,
-    /// Times of the collapse.
+    /// Times of the collapse; none if it was left out.
     pub collapse_timings: Vec<Timing>,
+    /// What was left out and why.
+    pub plan: Plan,
 }
 
 /// Why there is no tree.
@@ -184,11 +192,28 @@ pub fn optimize(
     observe: &mut dyn FnMut(&IterationRow) -> ControlFlow<()>,
 ) -> Result<Optimized, PipelineError> {
     settings.initial.check()?;
-    build::check_limits(device.info(), scene.triangles.len())?;
+    let plan = Plan::of(scene, device.info(), settings, &[])?;
+    optimize_by(plan, scene, device, settings, observe)
+}
+
+/// [`optimize`] by a plan that was made for this scene, device and these settings.
+///
+/// # Errors
+/// As [`optimize`].
+pub fn optimize_by(
+    plan: Plan,
+    scene: &Scene,
+    device: &mut dyn Device,
+    settings: &Settings,
+    observe: &mut dyn FnMut(&IterationRow) -> ControlFlow<()>,
+) -> Result<Optimized, PipelineError> {
+    settings.initial.check()?;
+    settings.adaptive.as_ref().map_or(Ok(()), check_settings)?;
+    plan.check(device.info())?;
     let working = on_host(device, || SafeRange::of(&scene.triangles).apply(&scene.triangles));
 
     let start = Instant::now();
-    let (tree, build_timings) = initial_tree(scene, &working, device, settings)?;
+    let (tree, build_timings) = initial_tree(scene, &working, device, (&settings.initial, plan.codes))?;
     let build_s = start.elapsed().as_secs_f64();
     drop(working);
     let (_, initial) = hand_out(&tree, scene, device, "builder")?;
@@ -203,7 +228,9 @@ pub fn optimize(
     let (mut best, quality) = hand_out(&tree, scene, device, "optimiser")?;
     let mut adaptive = None;
     let mut collapse_timings = Vec::new();
-    if let Some(settings) = &settings.adaptive {
+    if let Some(settings) = settings.adaptive.as_ref().filter(|_| !plan.collapses) {
+        adaptive = Some(bvh::quality(&best, &settings.sah));
+    } else if let Some(settings) = &settings.adaptive {
         let (collapsed, measured, timings) = hand_out_collapsed(&tree, scene, device, settings)?;
         best = collapsed;
         adaptive = Some(measured);
@@ -220,6 +247,7 @@ pub fn optimize(
         build_timings,
         optimize_s,
         collapse_timings,
+        plan,
     })
 }
 
@@ -241,10 +269,14 @@ pub struct Built {
 /// # Errors
 /// As [`optimize`].
 pub fn build_initial(scene: &Scene, device: &mut dyn Device, settings: &Settings) -> Result<Built, PipelineError> {
-    build::check_limits(device.info(), scene.triangles.len())?;
+    settings.initial.check()?;
+    // The initial tree alone is checked and made.
+    let settings = Settings { optimizer: Optimizer::None, adaptive: None, ..settings.clone() };
+    let plan = Plan::of(scene, device.info(), &settings, &[])?;
+    plan.check(device.info())?;
     let working = on_host(device, || SafeRange::of(&scene.triangles).apply(&scene.triangles));
     let start = Instant::now();
-    let (tree, timings) = initial_tree(scene, &working, device, settings)?;
+    let (tree, timings) = initial_tree(scene, &working, device, (&settings.initial, plan.codes))?;
     let build_s = start.elapsed().as_secs_f64();
     let (handed_out, quality) = hand_out(&tree, scene, device, "builder")?;
     tree.free(device);
@@ -291,18 +323,18 @@ fn initial_tree(
     scene: &Scene,
     working: &[Triangle],
     device: &mut dyn Device,
-    settings: &Settings,
+    (initial, codes): (&Initial, Codes),
 ) -> Result<(DeviceTree, Vec<Timing>), PipelineError> {
     let start = Instant::now();
-    let (label, nodes): (_, Vec<Node>) = match &settings.initial {
-        Initial::Lbvh => return Ok(build::lbvh(device, working, settings.morton_bits)?),
+    let (label, nodes): (_, Vec<Node>) = match initial {
+        Initial::Lbvh => return Ok(build::lbvh(device, working, codes)?),
         Initial::Ploc { radius } => {
-            let (tree, timings, _) = build::ploc(device, working, settings.morton_bits, *radius)?;
+            let (tree, timings, _) = build::ploc(device, working, codes, *radius)?;
             return Ok((tree, timings));
         }
         #[cfg(feature = "atrbvh")]
         Initial::Atrbvh { treelet } => {
-            let (tree, timings, _) = build::atrbvh(device, working, settings.morton_bits, *treelet)?;
+            let (tree, timings, _) = build::atrbvh(device, working, codes, *treelet)?;
             return Ok((tree, timings));
         }
         #[cfg(not(feature = "atrbvh"))]
@@ -339,30 +371,6 @@ fn measured(
     bvh::validate(&tree, Some(&scene.triangles)).map_err(invalid)?;
     let quality = bvh::quality(&tree, sah);
     Ok((tree, quality))
-}
-
-/// What the run leaves out because scene, device or settings do not need it, a line each.
-#[must_use]
-pub fn plan(scene: &Scene, device: &DeviceInfo, settings: &Settings) -> Vec<String> {
-    let n = scene.triangles.len() as u64;
-    let mut lines = Vec::new();
-    let is_prbvh = settings.optimizer == Optimizer::Prbvh;
-    if !is_prbvh {
-        lines.push(format!("locks, searches and moves on the device: the optimiser is {}", settings.optimizer));
-    }
-    if is_prbvh && device.atomics_64 {
-        lines.push("locks of two 32-bit words and their extra dispatch: the device has 64-bit atomics".to_owned());
-    }
-    if is_prbvh && settings.prbvh.strategy == Strategy::Aggressive {
-        lines.push(format!("paths of the reinsertions, for the conservative strategy: {} bytes", 4 * (2 * n - 1)));
-    }
-    if !settings.initial.has_codes() {
-        lines.push(format!("Morton codes and their sort: the initial tree is {}", settings.initial));
-    } else if settings.morton_bits == MortonBits::Thirty {
-        lines.push(format!("lower words of the Morton codes: one sort and {} bytes", 8 * n));
-    }
-    lines.push("normals, texture coordinates, materials: only positions are read".to_owned());
-    lines
 }
 
 #[cfg(test)]

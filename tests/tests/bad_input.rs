@@ -1,16 +1,12 @@
-//! Scenes that are wrong, odd or too large: a right tree or a clear error, on every device.
+//! Scenes that are wrong or odd: a right tree or a clear error, on every device.
 
-use prbvh::build::{BYTES_PER_TRIANGLE, check_limits};
 use prbvh::bvh::{Bvh, SahModel, quality, tree_hash, validate};
-use prbvh::device::cpu::CpuDevice;
-use prbvh::device::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
-use prbvh::optimize::{StopReason, Strategy};
-use prbvh::pipeline::{Optimized, PipelineError, Settings, optimize};
-use prbvh::scene::{MAX_TRIANGLES, Scene};
-use prbvh_kernel::node::Node;
+use prbvh::optimize::StopReason;
+use prbvh::pipeline::{Optimized, Settings, optimize};
+use prbvh::scene::Scene;
 use prbvh_kernel::setup::Triangle;
 use prbvh_tests::command::{Ended, run};
-use prbvh_tests::devices::{vulkan_devices, with_devices, without_vulkan};
+use prbvh_tests::devices::{with_devices, without_vulkan};
 use prbvh_tests::fixtures::soup;
 use std::io::Write;
 use std::ops::ControlFlow;
@@ -254,145 +250,4 @@ fn far_from_the_origin() {
         optimised("far", changed(400, |p| p.map(|x| x + offset)));
     }
     optimised("far along x", changed(400, |[x, y, z]| [x + 1e6, y, z]));
-}
-
-/// A device that must not be used.
-struct Untouchable(DeviceInfo);
-
-impl Device for Untouchable {
-    fn info(&self) -> &DeviceInfo {
-        &self.0
-    }
-
-    fn allocate(&mut self, label: &'static str, _: usize, _: usize) -> Result<Buffer, DeviceError> {
-        panic!("{label} is allocated")
-    }
-
-    fn free(&mut self, buffer: Buffer) {
-        panic!("{} is freed", buffer.label)
-    }
-
-    fn upload(&mut self, buffer: &Buffer, _: &[u8]) -> Result<(), DeviceError> {
-        panic!("{} is uploaded", buffer.label)
-    }
-
-    fn download(&mut self, buffer: &Buffer, _: &mut [u8]) -> Result<(), DeviceError> {
-        panic!("{} is downloaded", buffer.label)
-    }
-
-    fn run(&mut self, _: &Recording) -> Result<Vec<Timing>, DeviceError> {
-        panic!("something is run")
-    }
-
-    fn memory(&self) -> MemoryUse {
-        MemoryUse::default()
-    }
-}
-
-/// The CPU with the limits of a smaller device.
-fn limited(max_buffer_bytes: u64, memory_bytes: u64) -> DeviceInfo {
-    let info = CpuDevice::new(1).unwrap().info().clone();
-    DeviceInfo { max_buffer_bytes, memory_bytes, max_buffer_limit: "maxStorageBufferRange", ..info }
-}
-
-#[track_caller]
-fn assert_limit(error: &DeviceError, limit: &str, needed: u64, there: u64) {
-    let DeviceError::Limit { name, need, have, .. } = error else { panic!("{error}") };
-    assert_eq!((*name, *need, *have), (limit, needed, there));
-    let message = error.to_string();
-    for part in [limit.to_owned(), needed.to_string(), there.to_string()] {
-        assert!(message.contains(&part), "\"{part}\" is missing in: {message}");
-    }
-}
-
-#[test]
-fn a_scene_too_large_for_a_device_is_refused_before_anything_is_allocated() {
-    const N: usize = 1000;
-    let scene = Scene::from_triangles("large", soup(N, 0.1, 6)).unwrap();
-    let (nodes, memory) = (2 * N as u64 * size_of::<Node>() as u64, N as u64 * BYTES_PER_TRIANGLE);
-    let cases = [
-        (limited(nodes - 1, 0), "maxStorageBufferRange", nodes, nodes - 1),
-        (limited(nodes, memory - 1), "device memory", memory, memory - 1),
-    ];
-    for (info, limit, need, have) in cases {
-        let mut device = Untouchable(info);
-        let refused = optimize(&scene, &mut device, &Settings::default(), &mut |_| panic!("an iteration"));
-        match refused {
-            Err(PipelineError::Device(error)) => assert_limit(&error, limit, need, have),
-            other => panic!("{other:?}"),
-        }
-    }
-    assert!(check_limits(&limited(nodes, memory), N).is_ok());
-    let most = MAX_TRIANGLES as usize;
-    assert!(check_limits(&limited(u64::MAX, 0), most).is_ok());
-    let error = check_limits(&limited(u64::MAX, 0), most + 1).unwrap_err();
-    assert_limit(&error, "31-bit node indices (triangles)", MAX_TRIANGLES + 1, MAX_TRIANGLES);
-}
-
-#[test]
-fn the_limits_of_real_devices_are_checked() {
-    for (name, device) in vulkan_devices() {
-        let info = device.info();
-        let most = usize::try_from(info.max_buffer_bytes / (2 * size_of::<Node>() as u64)).unwrap();
-        let error = check_limits(info, most + 1).expect_err(&name);
-        let need = 2 * (most as u64 + 1) * size_of::<Node>() as u64;
-        assert_limit(&error, info.max_buffer_limit, need, info.max_buffer_bytes);
-    }
-}
-
-/// A CPU that refuses what goes beyond its limits.
-struct Strict {
-    device: CpuDevice,
-    info: DeviceInfo,
-}
-
-impl Device for Strict {
-    fn info(&self) -> &DeviceInfo {
-        &self.info
-    }
-
-    fn allocate(&mut self, label: &'static str, length: usize, bytes: usize) -> Result<Buffer, DeviceError> {
-        let buffer = self.device.allocate(label, length, bytes)?;
-        assert!(buffer.bytes() <= self.info.max_buffer_bytes, "{label} has {} bytes", buffer.bytes());
-        // What is counted per triangle leaves out small buffers, such as those of reductions.
-        let (all, counted) = (self.device.memory().bytes, self.info.memory_bytes);
-        assert!(all <= counted + counted / 100, "{all} bytes with {label}, of {counted}");
-        Ok(buffer)
-    }
-
-    fn free(&mut self, buffer: Buffer) {
-        self.device.free(buffer);
-    }
-
-    fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
-        self.device.upload(buffer, bytes)
-    }
-
-    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
-        self.device.download(buffer, bytes)
-    }
-
-    fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
-        self.device.run(recording)
-    }
-
-    fn memory(&self) -> MemoryUse {
-        self.device.memory()
-    }
-}
-
-#[test]
-fn a_scene_that_just_fits_stays_within_the_limits() {
-    for n in [1000, 20_000] {
-        let scene = Scene::from_triangles("fits", soup(n, 0.1, 7)).unwrap();
-        let info = limited(2 * n as u64 * size_of::<Node>() as u64, n as u64 * BYTES_PER_TRIANGLE);
-        let mut device = Strict { device: CpuDevice::new(1).unwrap(), info };
-        for strategy in [Strategy::Aggressive, Strategy::Conservative] {
-            let mut settings = Settings::default();
-            settings.prbvh.max_iterations = 2;
-            settings.prbvh.strategy = strategy;
-            optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
-            assert_eq!(device.memory().bytes, 0);
-        }
-    }
 }

@@ -1,7 +1,7 @@
 //! ATRBVH: passes of treelet restructuring by agglomerative clustering (Domingues & Pedrini 2015).
 
 use super::sort::Sorter;
-use super::{DeviceTree, MortonBits, Scratch, TreeletSize, lbvh};
+use super::{Codes, DeviceTree, Scratch, TreeletSize, lbvh};
 use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::atrbvh::{LevelsParams, RestructureParams};
@@ -48,10 +48,10 @@ const FEWEST: u32 = 3;
 pub fn atrbvh(
     device: &mut dyn Device,
     triangles: &[Triangle],
-    bits: MortonBits,
+    codes: impl Into<Codes>,
     treelet: TreeletSize,
 ) -> Result<(DeviceTree, Vec<Timing>, Vec<Pass>), DeviceError> {
-    let (tree, mut timings) = lbvh(device, triangles, bits)?;
+    let (tree, mut timings) = lbvh(device, triangles, codes)?;
     match restructure(device, &tree, treelet, &mut |_, _| {}) {
         Ok(restructured) => {
             timings.extend(restructured.timings);
@@ -149,7 +149,8 @@ impl<'a> Passes<'a> {
         let treelets: u32 = counts.iter().sum();
 
         let mut recording = Recording::new();
-        self.sorter.record(&mut recording, &self.levels, &self.order, u32::BITS - levels.leading_zeros());
+        let differing = u32::MAX >> levels.leading_zeros();
+        self.sorter.record(&mut recording, &self.levels, &self.order, differing);
         recording.clear("restructure", &self.report);
         timings.extend(device.run(&recording)?);
         // The nodes that are no treelet roots have level 0 and come first.

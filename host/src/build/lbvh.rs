@@ -1,6 +1,7 @@
 //! LBVH: hierarchy of the Morton codes, refit (Karras 2012).
 
-use super::order::{MortonBits, MortonOrder};
+use super::codes::Codes;
+use super::order::MortonOrder;
 use super::{DeviceTree, Scratch, arrivals_length, record_refit};
 use crate::device::{Device, DeviceError, Recording, Timing};
 use prbvh_kernel::Kernel;
@@ -18,10 +19,10 @@ use prbvh_kernel::setup::Triangle;
 pub fn lbvh(
     device: &mut dyn Device,
     triangles: &[Triangle],
-    bits: MortonBits,
+    codes: impl Into<Codes>,
 ) -> Result<(DeviceTree, Vec<Timing>), DeviceError> {
     let mut recording = Recording::new();
-    let (sorted, mut timings) = MortonOrder::record(&mut recording, device, triangles, bits)?;
+    let (sorted, mut timings) = MortonOrder::record(&mut recording, device, triangles, codes.into())?;
     let n = sorted.references;
     let tree = DeviceTree::allocate(device, n)?;
     let leaves = LeavesParams { count: n };

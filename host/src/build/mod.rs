@@ -3,6 +3,7 @@
 #[cfg(feature = "atrbvh")]
 mod atrbvh;
 mod binned;
+mod codes;
 mod from_file;
 mod lbvh;
 mod order;
@@ -16,6 +17,7 @@ mod treelet;
 #[cfg(feature = "atrbvh")]
 pub use atrbvh::{Pass, Restructured, atrbvh, restructure};
 pub use binned::sah_binned;
+pub use codes::{CodeCensus, Codes, MOST_COMPARED};
 pub use from_file::{TreeOfFileError, from_file};
 pub use lbvh::lbvh;
 pub use order::MortonBits;
@@ -46,7 +48,7 @@ impl DeviceTree {
     }
 
     /// Room for a tree over `references` references.
-    fn allocate(device: &mut dyn Device, references: u32) -> Result<Self, DeviceError> {
+    pub(crate) fn allocate(device: &mut dyn Device, references: u32) -> Result<Self, DeviceError> {
         let length = Self::node_count(references) as usize;
         Ok(Self { references, nodes: device.allocate("nodes", length, size_of::<Node>())? })
     }
@@ -82,7 +84,8 @@ impl DeviceTree {
     }
 }
 
-/// Refuses a scene that does not fit the device, before anything is allocated.
+/// Refuses a scene over which no tree fits the device, before anything is allocated. What the stages of a run need beside the tree is in
+/// [`Plan::check`](crate::plan::Plan::check).
 ///
 /// # Errors
 /// [`DeviceError::Limit`] with the limit's name, what is needed and what there is.
@@ -97,12 +100,8 @@ pub fn check_limits(info: &DeviceInfo, triangles: usize) -> Result<(), DeviceErr
     };
     limit("a tree", "31-bit node indices (triangles)", triangles as u64, MAX_TRIANGLES)?;
     let node_bytes = 2 * triangles as u64 * size_of::<Node>() as u64;
-    limit("the tree", info.max_buffer_limit, node_bytes, info.max_buffer_bytes)?;
-    limit("the optimiser's buffers", "device memory", triangles as u64 * BYTES_PER_TRIANGLE, info.memory_bytes)
+    limit("the tree", info.max_buffer_limit, node_bytes, info.max_buffer_bytes)
 }
-
-/// Device memory at its peak, bytes per triangle: the tree and the largest working set beside it.
-pub const BYTES_PER_TRIANGLE: u64 = 128;
 
 /// Counters that a refit over `n` references needs; not 0, since no buffer may be empty.
 pub(crate) fn arrivals_length(n: u32) -> usize {

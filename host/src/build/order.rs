@@ -1,11 +1,12 @@
 //! What every builder on the device starts from: boxes of the triangles, Morton codes, and the order by them.
 
+use super::codes::Codes;
 use super::sort::Sorter;
 use super::{Scratch, check_limits};
 use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
-use prbvh_kernel::morton::{MortonParams, WORD_BITS};
+use prbvh_kernel::morton::MortonParams;
 use prbvh_kernel::setup::{BOUNDS_CHUNK, BoundsParams, BoxesParams, Triangle};
 use prbvh_kernel::sort::GatherParams;
 use serde::Serialize;
@@ -51,7 +52,7 @@ impl MortonOrder {
         recording: &mut Recording,
         device: &mut dyn Device,
         triangles: &[Triangle],
-        bits: MortonBits,
+        plan: Codes,
     ) -> Result<(Self, Vec<Timing>), DeviceError> {
         assert!(!triangles.is_empty(), "a tree needs a triangle");
         check_limits(device.info(), triangles.len())?;
@@ -60,7 +61,7 @@ impl MortonOrder {
         let boxes = scratch.allocate(device, "boxes", triangles.len(), size_of::<Aabb>())?;
         let (scene_box, timings) = setup(device, triangles, &boxes)?;
         let order = scratch.allocate(device, "order", triangles.len(), 4)?;
-        let (high, low) = record_codes(recording, &mut codes, device, references, (&boxes, &order), bits, scene_box)?;
+        let (high, low) = record_codes(recording, &mut codes, device, references, (&boxes, &order), plan, scene_box)?;
         Ok((Self { references, boxes, order, high, low, scratch, codes }, timings))
     }
 
@@ -107,17 +108,17 @@ fn record_codes(
     device: &mut dyn Device,
     n: u32,
     (boxes, order): (&Buffer, &Buffer),
-    bits: MortonBits,
+    plan: Codes,
     scene_box: Aabb,
 ) -> Result<(Buffer, Buffer), DeviceError> {
     let length = n as usize;
     let sorter = Sorter::new(scratch, device, n)?;
     let keys = scratch.allocate(device, "codes", length, 4)?;
-    match bits {
+    match plan.bits {
         MortonBits::Thirty => {
             let params = morton_params(n, scene_box, 10);
             recording.dispatch("morton", Kernel::Morton30, n, &params, &[boxes, &keys, order]);
-            sorter.record(recording, &keys, order, WORD_BITS);
+            sorter.record(recording, &keys, order, plan.high);
             Ok((keys.clone(), keys))
         }
         MortonBits::Sixty => {
@@ -127,10 +128,10 @@ fn record_codes(
             recording.dispatch("morton", Kernel::Morton60, n, &params, &[boxes, &high, &low, order]);
             // The lower word first: the sort is stable, so that sorting by the upper word then keeps its order among equals.
             recording.copy("sort", &low, &keys);
-            sorter.record(recording, &keys, order, WORD_BITS);
+            sorter.record(recording, &keys, order, plan.low);
             let gather = GatherParams { count: n };
             recording.dispatch("sort", Kernel::SortGather, n, &gather, &[order, &high, &keys]);
-            sorter.record(recording, &keys, order, WORD_BITS);
+            sorter.record(recording, &keys, order, plan.high);
             let sorted_low = sorter.spare_words().clone();
             recording.dispatch("sort", Kernel::SortGather, n, &gather, &[order, &low, &sorted_low]);
             Ok((keys, sorted_low))
@@ -138,7 +139,7 @@ fn record_codes(
     }
 }
 
-fn morton_params(count: u32, scene_box: Aabb, bits_per_axis: u32) -> MortonParams {
+pub(super) fn morton_params(count: u32, scene_box: Aabb, bits_per_axis: u32) -> MortonParams {
     let cells = f64::from(1u32 << bits_per_axis);
     let per_axis = |k: usize| {
         let extent = f64::from(scene_box.max[k]) - f64::from(scene_box.min[k]);

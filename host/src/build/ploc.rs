@@ -1,6 +1,7 @@
 //! PLOC: rounds of nearest neighbour search and merging over the Morton order (Meister & Bittner 2017).
 
-use super::order::{MortonBits, MortonOrder};
+use super::codes::Codes;
+use super::order::MortonOrder;
 use super::scan::Scanner;
 use super::{DeviceTree, Scratch};
 use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
@@ -34,11 +35,11 @@ const ROUNDS_UNASKED: u32 = 8;
 pub fn ploc(
     device: &mut dyn Device,
     triangles: &[Triangle],
-    bits: MortonBits,
+    codes: impl Into<Codes>,
     radius: NonZeroU32,
 ) -> Result<(DeviceTree, Vec<Timing>, Progress), DeviceError> {
     let mut recording = Recording::new();
-    let (mut sorted, mut timings) = MortonOrder::record(&mut recording, device, triangles, bits)?;
+    let (mut sorted, mut timings) = MortonOrder::record(&mut recording, device, triangles, codes.into())?;
     timings.extend(device.run(&recording)?);
     sorted.free_codes(device);
 

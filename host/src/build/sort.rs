@@ -37,20 +37,70 @@ impl Sorter {
         &self.keys
     }
 
-    /// Sorts `keys`, of which no bit from `bits` on is set, and moves `values` along, both in place.
-    pub(super) fn record(&self, recording: &mut Recording, keys: &Buffer, values: &Buffer, bits: u32) {
+    /// Sorts `keys`, which differ in bits of `differing` alone, and moves `values` along, both in place. Passes go over these bits only:
+    /// the order of a stable sort is unique, so it is that of a sort by all bits.
+    pub(super) fn record(&self, recording: &mut Recording, keys: &Buffer, values: &Buffer, differing: u32) {
         let chunks = self.pairs.div_ceil(self.chunk);
         let words = chunks * DIGITS as u32;
         let mut from = (keys, values);
         let mut to = (&self.keys, &self.values);
-        // An even number of passes, so that the result lies where the input was.
-        for pass in 0..bits.div_ceil(DIGIT_BITS).next_multiple_of(2) {
-            let params = SortParams { count: chunks, pairs: self.pairs, chunk: self.chunk, shift: pass * DIGIT_BITS };
+        for shift in shifts(differing) {
+            let params = SortParams { count: chunks, pairs: self.pairs, chunk: self.chunk, shift };
             recording.dispatch("sort", Kernel::SortCount, chunks, &params, &[from.0, &self.table]);
             self.scanner.record(recording, "sort", &self.table, words);
             let buffers = [from.0, from.1, &self.table, to.0, to.1];
             recording.dispatch("sort", Kernel::SortScatter, chunks, &params, &buffers);
             std::mem::swap(&mut from, &mut to);
+        }
+        if from.0 != keys {
+            recording.copy("sort", from.0, keys);
+            recording.copy("sort", from.1, values);
+        }
+    }
+}
+
+/// The lowest bits of the digits that a sort must look at, lowest first: each starts at a bit of `differing` and the last one may end
+/// beyond the word.
+fn shifts(differing: u32) -> impl Iterator<Item = u32> {
+    let mut left = differing;
+    std::iter::from_fn(move || {
+        let shift = (left != 0).then(|| left.trailing_zeros())?;
+        left = u32::try_from(u64::from(left) >> (shift + DIGIT_BITS) << (shift + DIGIT_BITS)).unwrap_or(0);
+        Some(shift)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_sort_looks_at_bits_that_differ_alone() {
+        for (differing, expected) in [
+            (0, &[][..]),
+            (1, &[0]),
+            (0x3fff_ffff, &[0, 8, 16, 24]),
+            (0xffff_ffff, &[0, 8, 16, 24]),
+            (0x8000_0000, &[31]),
+            (0x0924_9249, &[0, 9, 18, 27]),
+            (0x00ff_0000, &[16]),
+            (0x0180_0001, &[0, 23]),
+        ] {
+            assert_eq!(shifts(differing).collect::<Vec<_>>(), expected, "{differing:#x}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn every_bit_is_in_one_digit(differing: u32) {
+            let digits: Vec<u32> = shifts(differing).collect();
+            let within = |bit: u32, shift: u32| (shift..shift + DIGIT_BITS).contains(&bit);
+            for bit in 0..u32::BITS {
+                let times = digits.iter().filter(|&&shift| within(bit, shift)).count();
+                prop_assert!(times <= 1 && (times == 1 || differing >> bit & 1 == 0));
+            }
+            prop_assert!(digits.len() <= 4 && digits.is_sorted());
         }
     }
 }

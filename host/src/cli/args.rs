@@ -38,6 +38,8 @@ pub(super) struct Cli {
 pub(super) enum Command {
     /// Build a tree over a scene and optimise it.
     Optimize(Box<OptimizeArgs>),
+    /// What `optimize` with the same arguments would take and leave out, and why.
+    Plan(Box<OptimizeArgs>),
     /// Trace rays through the tree of a scene: a picture, and what its rays cost.
     Render(Box<RenderArgs>),
     /// The methods of the paper against each other: cost, rays per second, time, memory.

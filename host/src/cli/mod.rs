@@ -9,6 +9,7 @@ mod leaves;
 mod log;
 mod optimize;
 mod optimizer;
+mod plan;
 mod preset;
 mod render;
 mod render_args;
@@ -30,6 +31,7 @@ pub(crate) fn main() -> ExitCode {
     let result = match cli.command {
         None => optimize::run(&OptimizeArgs::main_job(), &log),
         Some(Command::Optimize(args)) => optimize::run(&args, &log),
+        Some(Command::Plan(args)) => plan::run(&args),
         Some(Command::Render(args)) => render::run(&args, &log),
         Some(Command::Compare(args)) => compare::run(&args, &log),
         Some(Command::Peer(args)) => Ok(compare::run_peer(&args)),

@@ -126,7 +126,8 @@ fn report(
         phases: phases.phases(),
         build_s: result.build_s,
         stop_reason: result.outcome.stop.to_string(),
-        plan: pipeline::plan(scene, device.info(), settings),
+        plan: result.plan.lines(),
+        plan_items: result.plan.items.clone(),
         settings: report::Settings {
             initial: settings.initial.to_string(),
             radius: match settings.initial {

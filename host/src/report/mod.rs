@@ -10,7 +10,7 @@ pub mod page;
 mod phases;
 pub mod plot;
 mod run;
-mod table;
+pub(crate) mod table;
 #[cfg(test)]
 mod testing;
 pub mod write;

@@ -5,6 +5,7 @@ use crate::bvh::{Quality, SahModel};
 use crate::collapse::CollapseSettings;
 use crate::device::DeviceInfo;
 use crate::optimize::{IterationRow, RbvhSettings};
+use crate::plan::Item;
 use crate::reference::ReferenceCost;
 use serde::Serialize;
 
@@ -48,6 +49,8 @@ pub struct RunReport {
     pub stop_reason: String,
     /// What was left out and why, a line each.
     pub plan: Vec<String>,
+    /// Every decision about what could be left out.
+    pub plan_items: Vec<Item>,
     /// What was asked for.
     pub settings: Settings,
     /// Device memory.

@@ -60,19 +60,13 @@ fn outcome(report: &RunReport, width: u16) -> Table {
 
 fn phases(report: &RunReport, width: u16) -> Table {
     let mut table = empty(width);
-    let right = |text: String| Cell::new(text).set_alignment(CellAlignment::Right);
-    table.set_header([
-        Cell::new("phase"),
-        right("time".to_owned()),
-        right("calls".to_owned()),
-        right("share".to_owned()),
-    ]);
+    table.set_header([Cell::new("phase"), right("time"), right("calls"), right("share")]);
     for phase in &report.phases {
         table.add_row([
             Cell::new(&phase.label),
-            right(format::seconds(phase.seconds)),
-            right(format::count(phase.calls)),
-            right(format!("{:.1} %", phase.share * 100.0)),
+            right(&format::seconds(phase.seconds)),
+            right(&format::count(phase.calls)),
+            right(&format!("{:.1} %", phase.share * 100.0)),
         ]);
     }
     // A name may break; a number may not.
@@ -85,7 +79,14 @@ fn phases(report: &RunReport, width: u16) -> Table {
     table
 }
 
-fn empty(width: u16) -> Table {
+/// A cell of a column of numbers.
+pub(crate) fn right(text: &str) -> Cell {
+    Cell::new(text).set_alignment(CellAlignment::Right)
+}
+
+/// No rows yet, in the style of all tables.
+pub(crate) fn empty(width: u16) -> Table {
+    let width = width.max(NARROWEST);
     let mut table = Table::new();
     table.load_style(STYLE).set_content_arrangement(ContentArrangement::Dynamic).set_width(width);
     table

@@ -56,6 +56,7 @@ pub(super) fn report(iterations: u32) -> RunReport {
         build_s: 0.0423,
         stop_reason: "converged: change of cost below ε at µ = 1".to_owned(),
         plan: vec!["60-bit codes left out: 30 bits tell all triangles apart".to_owned()],
+        plan_items: Vec::new(),
         settings: Settings {
             initial: "lbvh".to_owned(),
             radius: None,

@@ -15,7 +15,7 @@ mod tests;
 
 pub use built_in::DEFAULT_TRIANGLES;
 pub(crate) use built_in::Noise;
-pub use census::Census;
+pub use census::{Census, duplicate_boxes};
 pub use error::{MAX_TRIANGLES, Place, SceneError};
 pub use range::SafeRange;
 

@@ -59,6 +59,27 @@ impl TraceScene {
         }
     }
 
+    /// Allocates what a tree over so many triangles takes at most, and gives it back: for plans. Without stacks for deep trees.
+    pub(crate) fn reserve(device: &mut dyn Device, triangles: usize) -> Result<(), DeviceError> {
+        let mut scratch = crate::build::Scratch::default();
+        let result = Self::buffers_of(device, &mut scratch, triangles.saturating_sub(1), triangles);
+        scratch.free(device);
+        result.map(|_| ())
+    }
+
+    /// Buffers of `nodes` internal nodes and of the triangles; no buffer may be empty.
+    fn buffers_of(
+        device: &mut dyn Device,
+        scratch: &mut crate::build::Scratch,
+        nodes: usize,
+        triangles: usize,
+    ) -> Result<[Buffer; 2], DeviceError> {
+        Ok([
+            scratch.allocate(device, "trace nodes", nodes.max(1), size_of::<TraceNode>())?,
+            scratch.allocate(device, "trace triangles", triangles, size_of::<TraceTriangle>())?,
+        ])
+    }
+
     fn upload(
         device: &mut dyn Device,
         scratch: &mut crate::build::Scratch,
@@ -66,10 +87,7 @@ impl TraceScene {
         depth: u32,
         range: TraceRange,
     ) -> Result<Self, DeviceError> {
-        // No buffer may be empty.
-        let nodes = scratch.allocate(device, "trace nodes", layout.nodes.len().max(1), size_of::<TraceNode>())?;
-        let triangles =
-            scratch.allocate(device, "trace triangles", layout.triangles.len(), size_of::<TraceTriangle>())?;
+        let [nodes, triangles] = Self::buffers_of(device, scratch, layout.nodes.len(), layout.triangles.len())?;
         device.upload(&nodes, bytemuck::cast_slice(&layout.nodes))?;
         device.upload(&triangles, bytemuck::cast_slice(&layout.triangles))?;
         let most_steps = layout.nodes.len() as u64 + layout.triangles.len() as u64;

@@ -20,8 +20,15 @@ fn a_small_scene_is_counted() {
         largest_coordinate: 8.0,
         largest_extent: 4.0,
         smallest_extent: 0.5,
+        extent: [12.0, 3.0, 0.0],
+        extent_ratio: 4.0,
+        largest_area: 1.0,
+        smallest_area: 1.0,
     };
     assert_eq!(census, want);
+    assert_eq!((census.area_decades(), census.extent_decades()), (0.0, 8.0f64.log10()));
+    // The turned one has the box of the others.
+    assert_eq!(duplicate_boxes(&[good, point, good, line, turned, good]), 3);
 }
 
 #[test]

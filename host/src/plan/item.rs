@@ -1,0 +1,120 @@
+//! One decision of a plan.
+
+use crate::report::format;
+use serde::Serialize;
+use std::fmt;
+
+/// Something that a run can do without.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Omission {
+    /// Morton codes and their sort.
+    Codes,
+    /// The lower words of the Morton codes.
+    LowerCodes,
+    /// Passes of the sort over bits in which no two codes differ.
+    EqualBits,
+    /// Locks, searches and moves on the device.
+    DeviceOptimizer,
+    /// The second word of a lock.
+    LockWord,
+    /// Paths of the reinsertions, which only the conservative strategy needs.
+    Paths,
+    /// The collapse to adaptive leaves.
+    Collapse,
+    /// Normals, texture coordinates, materials.
+    Attributes,
+    /// All but one of equal triangles.
+    Duplicates,
+}
+
+/// What became of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Status {
+    /// The run does without.
+    LeftOut,
+    /// The run needs it.
+    Needed,
+    /// The scene has none of it.
+    NoneThere,
+    /// The run could do without, but that is not done.
+    NotDone,
+}
+
+/// What leaving it out saves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Saving {
+    /// Device memory at the peak of the phase, bytes.
+    pub bytes: u64,
+    /// Dispatches of the run, at least.
+    pub dispatches: u64,
+    /// Dispatches of each iteration.
+    pub dispatches_per_iteration: u64,
+}
+
+/// One decision: what is left out or not, why, and what that saves.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Item {
+    /// What the decision is about.
+    pub omission: Omission,
+    /// What was decided.
+    pub status: Status,
+    /// What it is, in words.
+    pub what: String,
+    /// Why.
+    pub why: String,
+    /// What is saved; nothing unless it is left out.
+    pub saved: Saving,
+}
+
+/// Empty if nothing is saved.
+impl fmt::Display for Saving {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut parts = Vec::new();
+        if self.bytes > 0 {
+            parts.push(format::bytes(self.bytes));
+        }
+        let dispatches =
+            |count: u64| format!("{} dispatch{}", format::count(count), if count == 1 { "" } else { "es" });
+        if self.dispatches > 0 {
+            parts.push(dispatches(self.dispatches));
+        }
+        if self.dispatches_per_iteration > 0 {
+            parts.push(format!("{} an iteration", dispatches(self.dispatches_per_iteration)));
+        }
+        f.write_str(&parts.join(", "))
+    }
+}
+
+/// `what: why (what is saved)`.
+impl fmt::Display for Item {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.what, self.why)?;
+        match self.saved.to_string() {
+            saved if saved.is_empty() => Ok(()),
+            saved => write!(f, " ({saved})"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_item_says_what_it_saves() {
+        let mut item = Item {
+            omission: Omission::LockWord,
+            status: Status::LeftOut,
+            what: "a word".to_owned(),
+            why: "there is a longer one".to_owned(),
+            saved: Saving::default(),
+        };
+        assert_eq!(item.to_string(), "a word: there is a longer one");
+        item.saved.dispatches_per_iteration = 1;
+        assert_eq!(item.to_string(), "a word: there is a longer one (1 dispatch an iteration)");
+        item.saved = Saving { bytes: 2048, dispatches: 12, dispatches_per_iteration: 0 };
+        assert_eq!(item.to_string(), format!("a word: there is a longer one ({}, 12 dispatches)", format::bytes(2048)));
+    }
+}

@@ -1,0 +1,262 @@
+//! Plans: what a run leaves out, by the command, and that no omission changes a tree.
+
+use prbvh::build::{CodeCensus, Codes, DEFAULT_RADIUS, MortonBits, TreeletSize, atrbvh, lbvh, ploc};
+use prbvh::collapse::CollapseSettings;
+use prbvh::device::cpu::CpuDevice;
+use prbvh::device::{Device, DeviceInfo};
+use prbvh::optimize::{PrbvhSettings, Strategy};
+use prbvh::pipeline::{Initial, Settings, optimize, optimize_by};
+use prbvh::plan::{Omission, Plan, Status};
+use prbvh::scene::Scene;
+use prbvh_kernel::node::Node;
+use prbvh_kernel::setup::Triangle;
+use prbvh_tests::command::run;
+use prbvh_tests::devices::with_devices;
+use prbvh_tests::fixtures::{flat, grid, inputs, soup, working};
+use serde_json::Value;
+use std::collections::BTreeSet;
+use std::ops::ControlFlow;
+use tempfile::tempdir;
+
+const PRBVH: &str = env!("CARGO_BIN_EXE_prbvh-under-test");
+
+/// Triangles as OBJ.
+fn obj(triangles: &[Triangle]) -> String {
+    let corner = |p: [f32; 3]| format!("v {:?} {:?} {:?}\n", p[0], p[1], p[2]);
+    let triangle = |t: &Triangle| format!("{}{}{}f -3 -2 -1\n", corner(t.a), corner(t.b), corner(t.c));
+    triangles.iter().map(triangle).collect()
+}
+
+/// With a triangle beside the first one, in the same cell of 30-bit codes.
+fn with_near_pair(mut triangles: Vec<Triangle>) -> Vec<Triangle> {
+    let near = |p: [f32; 3]| p.map(|x| x - 1e-5);
+    let Triangle { a, b, c } = triangles[0];
+    triangles.push(Triangle { a: near(a), b: near(b), c: near(c) });
+    triangles
+}
+
+fn census(triangles: &[Triangle]) -> CodeCensus {
+    let scene = Scene::from_triangles("census", triangles.to_vec()).unwrap();
+    CodeCensus::of(triangles, scene.census.min, scene.census.max)
+}
+
+/// The nodes of the LBVH and, for a PLOC and an ATRBVH, of these.
+fn built(device: &mut dyn Device, triangles: &[Triangle], codes: Codes) -> Vec<Vec<Node>> {
+    let trees = [
+        lbvh(device, triangles, codes).unwrap().0,
+        ploc(device, triangles, codes, DEFAULT_RADIUS).unwrap().0,
+        atrbvh(device, triangles, codes, TreeletSize::DEFAULT).unwrap().0,
+    ];
+    trees
+        .map(|tree| {
+            let nodes = tree.download(device).unwrap();
+            tree.free(device);
+            nodes
+        })
+        .into()
+}
+
+/// Small scenes whose codes differ in few bits, in many, or in none.
+fn scenes() -> Vec<(&'static str, Vec<Triangle>)> {
+    let line =
+        |k: u16| Triangle { a: [f32::from(k), 0.0, 0.0], b: [f32::from(k), 0.0, 0.0], c: [f32::from(k), 0.0, 0.0] };
+    let mut scenes = inputs();
+    scenes.extend([
+        ("single", soup(1, 0.2, 1)),
+        ("one place", soup(1, 0.2, 1).repeat(300)),
+        ("twice", soup(200, 0.2, 1).repeat(2)),
+        ("line", (0..=1024).map(line).collect()),
+        ("two places", [line(0), line(1)].repeat(40)),
+        ("few", soup(60, 0.1, 3)),
+    ]);
+    scenes
+}
+
+#[test]
+fn enough_bits_make_the_trees_of_all_bits_on_every_device() {
+    let mut thirty = 0;
+    let mut fewer = 0;
+    with_devices(|devices| {
+        for (name, triangles) in scenes() {
+            let census = census(&triangles);
+            for bits in [MortonBits::Thirty, MortonBits::Sixty] {
+                let enough = census.enough(bits);
+                thirty += usize::from(enough.bits != bits);
+                fewer += usize::from(enough.high != Codes::ALL);
+                for (device_name, device) in &mut *devices {
+                    let triangles = working(&triangles);
+                    let all = built(&mut **device, &triangles, bits.into());
+                    let few = built(&mut **device, &triangles, enough);
+                    assert!(all == few, "{name} on {device_name}: {bits:?}, {enough:x?}");
+                }
+            }
+        }
+    });
+    assert!(thirty >= 5 && fewer >= 5, "{thirty} scenes need 30 bits, {fewer} differ in fewer");
+}
+
+#[test]
+fn a_bit_too_few_makes_another_tree() {
+    let triangles = with_near_pair(soup(3000, 0.1, 11));
+    let census = census(&triangles);
+    assert_eq!((census.differing_high, census.low_tells_more), (Codes::ALL, Some(true)));
+    let triangles = working(&triangles);
+    let mut device = CpuDevice::new(1).unwrap();
+    let enough = census.enough(MortonBits::Sixty);
+    // PLOC makes a tree of any order.
+    let nodes = |device: &mut CpuDevice, codes: Codes| {
+        let (tree, _, _) = ploc(device, &triangles, codes, DEFAULT_RADIUS).unwrap();
+        tree.download(device).unwrap()
+    };
+    let all = nodes(&mut device, enough);
+    assert!(all != nodes(&mut device, Codes { high: enough.high & 0xff_ffff, ..enough }));
+    let (tree, _) = lbvh(&mut device, &triangles, enough).unwrap();
+    let (of_30, _) = lbvh(&mut device, &triangles, Codes { bits: MortonBits::Thirty, ..enough }).unwrap();
+    assert!(tree.download(&mut device).unwrap() != of_30.download(&mut device).unwrap());
+}
+
+fn settings(max_leaf: Option<u32>) -> Settings {
+    let adaptive = CollapseSettings { max_leaf, ..CollapseSettings::default() };
+    let prbvh = PrbvhSettings { max_iterations: 5, ..PrbvhSettings::default() };
+    Settings { adaptive: Some(adaptive), prbvh, ..Settings::default() }
+}
+
+#[test]
+fn no_omission_changes_the_tree() {
+    let all = [Omission::LowerCodes, Omission::EqualBits, Omission::Collapse];
+    with_devices(|devices| {
+        for (name, triangles) in
+            [("few", soup(60, 0.1, 3)), ("one place", soup(1, 0.2, 1).repeat(50)), ("one", soup(1, 0.1, 2))]
+        {
+            let scene = Scene::from_triangles(name, triangles).unwrap();
+            for (device_name, device) in &mut *devices {
+                let settings = settings(Some(1));
+                let mut observe = |_: &_| ControlFlow::Continue(());
+                let with = optimize(&scene, &mut **device, &settings, &mut observe).unwrap();
+                let plan = Plan::of(&scene, device.info(), &settings, &all).unwrap();
+                assert!(plan.collapses && !with.plan.collapses);
+                let without = optimize_by(plan, &scene, &mut **device, &settings, &mut observe).unwrap();
+                assert!(with.collapse_timings.is_empty() && !without.collapse_timings.is_empty());
+                let hash = prbvh::bvh::tree_hash;
+                assert_eq!(hash(&with.tree), hash(&without.tree), "{name} on {device_name}");
+                assert_eq!(with.adaptive, without.adaptive, "{name} on {device_name}");
+            }
+        }
+    });
+}
+
+#[test]
+fn a_collapse_that_matters_is_not_left_out() {
+    let scene = Scene::from_triangles("few", soup(60, 0.1, 3)).unwrap();
+    let mut device = CpuDevice::new(1).unwrap();
+    for max_leaf in [None, Some(2)] {
+        let result = optimize(&scene, &mut device, &settings(max_leaf), &mut |_| ControlFlow::Continue(())).unwrap();
+        assert!(result.plan.collapses && !result.collapse_timings.is_empty());
+    }
+}
+
+#[test]
+fn a_run_takes_the_memory_that_its_plan_says() {
+    let initials = [
+        Initial::Lbvh,
+        Initial::Ploc { radius: DEFAULT_RADIUS },
+        Initial::Atrbvh { treelet: TreeletSize::DEFAULT },
+        Initial::SahSweep,
+    ];
+    for (n, initial) in [1, 2, 3, 700, 20_000].into_iter().flat_map(|n| initials.clone().map(|initial| (n, initial))) {
+        let scene = Scene::from_triangles("soup", soup(n, 0.1, 6)).unwrap();
+        for strategy in [Strategy::Aggressive, Strategy::Conservative] {
+            for adaptive in [None, Some(CollapseSettings { max_leaf: Some(2), ..CollapseSettings::default() })] {
+                let prbvh = PrbvhSettings { strategy, max_iterations: 2, ..PrbvhSettings::default() };
+                let settings = Settings { initial: initial.clone(), prbvh, adaptive, ..Settings::default() };
+                let mut device = CpuDevice::new(2).unwrap();
+                let result = optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+                let said = result.plan.phases.iter().filter(|phase| phase.runs).map(|phase| phase.peak_bytes).max();
+                let (said, taken) = (said.unwrap(), device.memory().peak_bytes);
+                // Only the collapse does not know beforehand how many nodes it keeps: at most two more per triangle.
+                let unknown = if result.plan.collapses { 2 * n as u64 * size_of::<Node>() as u64 } else { 0 };
+                assert!((taken..=taken + unknown).contains(&said), "{n} {initial} {strategy}: {said}, not {taken}");
+            }
+        }
+    }
+}
+
+/// A plan by the command.
+fn planned(name: &str, triangles: &[Triangle], arguments: &[&str]) -> Value {
+    let folder = tempdir().unwrap();
+    let file = format!("{name}.obj");
+    std::fs::write(folder.path().join(&file), obj(triangles)).unwrap();
+    run(PRBVH, folder.path(), &[&["plan", &file, "--device", "cpu", "--json"], arguments].concat()).ok().json()
+}
+
+/// What a plan leaves out, and what it does not do.
+fn omissions(plan: &Value) -> BTreeSet<String> {
+    let items = plan["plan"]["items"].as_array().unwrap().iter();
+    let kept = items.filter(|item| item["status"] == "left-out" || item["status"] == "not-done");
+    kept.map(|item| format!("{} {}", item["status"].as_str().unwrap(), item["omission"].as_str().unwrap())).collect()
+}
+
+#[test]
+fn different_scenes_have_different_plans() {
+    let made = [
+        ("many", with_near_pair(soup(5000, 0.1, 4)), "needs the lower words and all passes"),
+        ("few", soup(60, 0.1, 3), "needs no lower words"),
+        ("single", soup(1, 0.2, 1), "needs no pass"),
+        ("one-place", soup(1, 0.2, 1).repeat(30), "needs no pass and has duplicates"),
+        ("twice", with_near_pair(soup(4000, 0.1, 4)).repeat(2), "needs the lower words and has duplicates"),
+    ];
+    let mut seen = BTreeSet::new();
+    for (name, triangles, why) in &made {
+        assert!(seen.insert(omissions(&planned(name, triangles, &[]))), "{name} {why}");
+    }
+    let flat = planned("flat", &flat(500), &[]);
+    assert_eq!(flat["census"]["flat_axes"], serde_json::json!([false, true, false]));
+    let grid = planned("grid", &grid(16), &[]);
+    assert!((grid["census"]["extent_ratio"].as_f64(), grid["area_decades"].as_f64()) == (Some(1.0), Some(0.0)));
+    let twice = planned("twice", &soup(40, 0.1, 4).repeat(2), &[]);
+    assert_eq!((&twice["census"]["duplicates"], &twice["duplicate_boxes"]), (&40.into(), &40.into()));
+}
+
+#[test]
+fn a_plan_follows_the_settings() {
+    let scene = soup(500, 0.1, 4);
+    let left_out = |arguments: &[&str], what: &str| {
+        omissions(&planned("soup", &scene, arguments)).contains(&format!("left-out {what}"))
+    };
+    assert!(left_out(&[], "paths") && !left_out(&["--strategy", "conservative"], "paths"));
+    assert!(!left_out(&["--leaves", "adaptive"], "collapse"));
+    assert!(left_out(&["--leaves", "adaptive", "--max-leaf", "1"], "collapse"));
+    assert!(left_out(&["--initial", "sah-sweep"], "codes") && !left_out(&[], "codes"));
+    assert!(left_out(&["--optimizer", "none"], "device-optimizer"));
+    assert!(left_out(&["--morton-bits", "30"], "lower-codes"));
+}
+
+#[test]
+fn the_report_of_a_run_has_the_items_of_its_plan() {
+    let folder = tempdir().unwrap();
+    std::fs::write(folder.path().join("few.obj"), obj(&soup(60, 0.1, 3))).unwrap();
+    let json = |command| run(PRBVH, folder.path(), &[command, "few.obj", "--device", "cpu", "--json"]).ok().json();
+    let (report, plan) = (json("optimize"), json("plan"));
+    assert_eq!(report["plan_items"], plan["plan"]["items"]);
+    let left_out = report["plan_items"].as_array().unwrap().iter().filter(|item| item["status"] == "left-out").count();
+    assert!(left_out > 0 && report["plan"].as_array().unwrap().len() == left_out);
+    let table = run(PRBVH, folder.path(), &["plan", "few.obj", "--device", "cpu"]).ok().stdout;
+    for part in ["few on CPU", "ratio of extents", "optimise, aggressive", "left out", "paths of the", "none there"] {
+        assert!(table.contains(part), "{part} is missing in {table}");
+    }
+    run(PRBVH, folder.path(), &["plan", "few.obj", "--out", "x"]).refused(&["--out is for `prbvh optimize`"]);
+}
+
+#[test]
+fn locks_are_planned_by_the_device() {
+    let scene = Scene::from_triangles("soup", soup(50, 0.1, 4)).unwrap();
+    for atomics_64 in [true, false] {
+        let info = DeviceInfo { atomics_64, ..CpuDevice::new(1).unwrap().info().clone() };
+        let plan = Plan::of(&scene, &info, &Settings::default(), &[]).unwrap();
+        let lock = plan.items.iter().find(|item| item.omission == Omission::LockWord).unwrap();
+        assert_eq!(
+            (lock.status == Status::LeftOut, lock.saved.dispatches_per_iteration),
+            (atomics_64, atomics_64.into())
+        );
+    }
+}
