@@ -109,9 +109,7 @@ pub fn notes(scene: &SceneComparison) -> Vec<Note> {
             let [rbvh, prbvh] = [against.rbvh_s, against.prbvh_s].map(format::seconds);
             let (times, cost) = (format::significant(against.speed_up), cost(against.cost));
             let name = name(row);
-            notes.push(note(format!(
-                "{name} on one thread is {times} times faster than rbvh to cost {cost} ({prbvh}, {rbvh})"
-            )));
+            notes.push(note(format!("to cost {cost}, one thread: rbvh {rbvh}, {name} {prbvh}: {times} × the speed")));
         }
     }
     notes

@@ -82,13 +82,7 @@ pub(crate) fn measure(device: &mut dyn Device, scene: &Scene, repetitions: usize
     rows
 }
 
-fn builder(
-    name: &str,
-    device: &mut dyn Device,
-    scene: &Scene,
-    repetitions: usize,
-    build: &mut dyn FnMut(&mut dyn Device) -> (DeviceTree, Vec<Timing>),
-) -> Measured {
+fn builder(name: &str, device: &mut dyn Device, scene: &Scene, repetitions: usize, build: &mut Build<'_>) -> Measured {
     repeated(name, scene.triangles.len(), repetitions, &mut || {
         let start = Instant::now();
         let (tree, timings) = build(device);
@@ -110,6 +104,9 @@ fn on_host(name: &str, scene: &Scene, repetitions: usize, build: &mut dyn FnMut(
         (seconds, Vec::new(), Some(cost), hash)
     })
 }
+
+/// A builder that runs on a device: the tree and the times of its stages.
+type Build<'a> = dyn FnMut(&mut dyn Device) -> (DeviceTree, Vec<Timing>) + 'a;
 
 /// What one run of a part gave: wall time in seconds, times on the device, cost, answer.
 type Run = (f64, Vec<Timing>, Option<f64>, String);
