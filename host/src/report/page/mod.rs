@@ -1,6 +1,6 @@
 //! `index.html`: a comparison as one page that needs nothing beside it, and its figures and pictures as files.
 //!
-//! `page.html` is the page with places for what [`view`] says, `page.css` its look. `page.js` only adds sorting and values under the
+//! `page.html` is the page with places for what `view` says, `page.css` its look. `page.js` only adds sorting and values under the
 //! pointer: everything is there without it.
 
 mod columns;
