@@ -24,6 +24,8 @@ pub struct CostParams {
     pub nodes: u32,
     /// Internal nodes of the tree, `n-1`.
     pub internal: u32,
+    /// What the refit leaves in every element of `arrivals`: 2 after one of all boxes, 0 after one of the paths that changed.
+    pub arrived: u32,
 }
 
 /// Invocation `i` adds up the half areas of 256 nodes into `partial[i]`. Reads `nodes[2n-1]` and `arrivals[n-1]` as the
@@ -44,7 +46,7 @@ pub fn cost(
     for k in first..end {
         let v = params.first + k;
         sum += nodes[v as usize].aabb().half_area();
-        if v < params.internal && arrivals[v as usize] != 2 {
+        if v < params.internal && arrivals[v as usize] != params.arrived {
             broken = true;
         }
     }

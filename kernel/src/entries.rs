@@ -21,8 +21,8 @@ use crate::prbvh::check::{check, check_words};
 use crate::prbvh::conservative::{check as conservative_check, lock as conservative_lock};
 use crate::prbvh::decrease::{DecreaseParams, decrease};
 use crate::prbvh::lock::{lock, lock_decrease, lock_input};
-use crate::prbvh::search::{search, search_top};
-use crate::prbvh::{PrbvhParams, Reinsertion, reinsert::reinsert};
+use crate::prbvh::search::search;
+use crate::prbvh::{PrbvhParams, Reinsertion, candidates, paths, reinsert::reinsert};
 use crate::ray::{Hit, Ray};
 use crate::refit::{RefitParams, refit};
 use crate::setup::{self, BoundsParams, BoxesParams, Triangle};
@@ -168,7 +168,29 @@ kernels! {
         0 nodes: &[Node],
         1 found: &[Slot<Reinsertion>],
         2 report: &[AtomicU32],
-    ] => |i| search(i, params, nodes, found, report);
+    ] => |i| {
+        search(params.input(i), params, nodes, &found[i as usize], report);
+    };
+
+    PrbvhSearchCandidates prbvh_search_candidates(params: PrbvhParams) [
+        0 nodes: &[Node],
+        1 candidates: &[u32],
+        2 found: &[Slot<Reinsertion>],
+        3 report: &[AtomicU32],
+    ] => |i| {
+        search(candidates[params.input(i) as usize], params, nodes, &found[i as usize], report);
+    };
+
+    PrbvhFlag prbvh_flag(params: PrbvhParams) [
+        0 nodes: &[Node],
+        1 flags: &[Slot<u32>],
+    ] => |i| candidates::flag(i, params, nodes, flags);
+
+    PrbvhPack prbvh_pack(params: PrbvhParams) [
+        0 places: &[u32],
+        1 candidates: &[Slot<u32>],
+        2 report: &[AtomicU32],
+    ] => |i| candidates::pack(i, params, places, candidates, report);
 
     PrbvhLock prbvh_lock(params: PrbvhParams) [
         0 nodes: &[Node],
@@ -209,7 +231,15 @@ kernels! {
         1 found: &[Slot<Reinsertion>],
         2 tops: &[Slot<u32>],
         3 report: &[AtomicU32],
-    ] => |i| search_top(i, params, nodes, found, tops, report);
+    ] => |i| tops[i as usize].set(search(params.input(i), params, nodes, &found[i as usize], report));
+
+    PrbvhSearchTopCandidates prbvh_search_top_candidates(params: PrbvhParams) [
+        0 nodes: &[Node],
+        1 candidates: &[u32],
+        2 found: &[Slot<Reinsertion>],
+        3 tops: &[Slot<u32>],
+        4 report: &[AtomicU32],
+    ] => |i| tops[i as usize].set(search(candidates[params.input(i) as usize], params, nodes, &found[i as usize], report));
 
     ConservativeLock conservative_lock(params: PrbvhParams) [
         0 nodes: &[Node],
@@ -256,10 +286,22 @@ kernels! {
     ] => |i| decrease(i, params, found, partial);
 
     PrbvhReinsert prbvh_reinsert(params: PrbvhParams) [
-        0 found: &[Reinsertion],
+        0 found: &[Slot<Reinsertion>],
         1 nodes: &[AtomicNode],
         2 report: &[AtomicU32],
-    ] => |i| reinsert(i, params, found, nodes, report);
+    ] => |i| reinsert(i, found, nodes, report);
+
+    PrbvhMarkPaths prbvh_mark_paths(params: PrbvhParams) [
+        0 found: &[Reinsertion],
+        1 nodes: &[Node],
+        2 ways: &[AtomicU32],
+    ] => |i| paths::mark(i, params, found, nodes, ways);
+
+    PrbvhRefitPaths prbvh_refit_paths(params: PrbvhParams) [
+        0 found: &[Reinsertion],
+        1 nodes: &[AtomicNode],
+        2 ways: &[AtomicU32],
+    ] => |i| paths::refit(i, params, found, nodes, ways);
 
     SnapshotSave snapshot_save(params: SnapshotParams) [
         0 nodes: &[Node],

@@ -138,6 +138,16 @@ impl AtomicU32 {
         return self.native().fetch_add(1, Ordering::AcqRel);
     }
 
+    /// Takes back an arrival and returns how many there were. Orders as [`AtomicU32::arrive`] does.
+    #[inline(always)]
+    pub fn depart(&self) -> u32 {
+        #[cfg(target_arch = "spirv")]
+        // SAFETY: an atomic access to a live element of a storage buffer.
+        return unsafe { spirv_std::arch::atomic_i_sub::<u32, SCOPE, ACQUIRE_RELEASE>(&mut *self.0.get(), 1) };
+        #[cfg(not(target_arch = "spirv"))]
+        return self.native().fetch_sub(1, Ordering::AcqRel);
+    }
+
     /// Relaxed load of a float stored by [`AtomicU32::store_f32`].
     #[inline(always)]
     pub fn load_f32(&self) -> f32 {

@@ -16,6 +16,9 @@ pub const FAULTS: usize = 3;
 /// Most steps that a single search took.
 pub const MOST_STEPS: usize = 4;
 
+/// Nodes on the list of candidates.
+pub const CANDIDATES: usize = 5;
+
 /// A device ended a search before it was done or at its bound.
 pub const FAULT_SEARCH_STEPS: u32 = 1;
 /// An internal node was not completed by both of its children: the links are no tree.

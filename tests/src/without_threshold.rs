@@ -79,7 +79,7 @@ fn search(input: u32, nodes: &[Node]) -> Reinsertion {
         }
         let area_decrease = area_decrease(input, output, &above, nodes);
         if area_decrease > best.area_decrease {
-            best = Reinsertion { area_decrease, output };
+            best = Reinsertion { area_decrease, input, output };
         }
     }
     best

@@ -330,7 +330,7 @@ impl Subject for Misled {
         let mut moves = Library.search(nodes, device)?;
         // The last leaf beside the first: far apart in an LBVH.
         let last = moves.len() - 1;
-        moves[last] = Reinsertion { area_decrease: 1.0, output: nodes.len() as u32 / 2 };
+        moves[last] = Reinsertion { area_decrease: 1.0, input: last as u32, output: nodes.len() as u32 / 2 };
         Ok(moves)
     }
 }

@@ -15,6 +15,7 @@ mod top_down;
 mod treelet;
 
 #[cfg(feature = "atrbvh")]
+pub(crate) use scan::Scanner;
 pub use atrbvh::{Pass, Restructured, atrbvh, restructure};
 pub use binned::sah_binned;
 pub use codes::{CodeCensus, Codes, MOST_COMPARED};

@@ -8,12 +8,12 @@ use prbvh_kernel::sort::{SCAN_CHUNK, ScanParams};
 /// Sums of chunks, sums of chunks of these, and so on, until one invocation can scan what is left. Used again by every scan of at most
 /// so many words.
 #[derive(Debug)]
-pub(super) struct Scanner {
+pub(crate) struct Scanner {
     levels: Vec<Buffer>,
 }
 
 impl Scanner {
-    pub(super) fn new(scratch: &mut Scratch, device: &mut dyn Device, words: usize) -> Result<Self, DeviceError> {
+    pub(crate) fn new(scratch: &mut Scratch, device: &mut dyn Device, words: usize) -> Result<Self, DeviceError> {
         let mut levels = Vec::new();
         let mut length = words;
         loop {
@@ -26,7 +26,7 @@ impl Scanner {
     }
 
     /// Turns the first `count` of `words` into their exclusive scan.
-    pub(super) fn record(&self, recording: &mut Recording, label: &'static str, words: &Buffer, count: u32) {
+    pub(crate) fn record(&self, recording: &mut Recording, label: &'static str, words: &Buffer, count: u32) {
         let mut scanned = Vec::new();
         let mut level = (words, count);
         for sums in &self.levels {

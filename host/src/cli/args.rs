@@ -11,7 +11,7 @@ use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use prbvh::build::{DEFAULT_RADIUS, MortonBits, TreeletSize};
 use prbvh::device::DeviceChoice;
-use prbvh::optimize::{Epsilon, PrbvhSettings, Strategy};
+use prbvh::optimize::{Epsilon, Order, PrbvhSettings, Strategy};
 use prbvh::pipeline::{Initial, Settings};
 use std::ffi::OsString;
 use std::num::NonZeroU32;
@@ -78,6 +78,9 @@ pub(super) struct OptimizeArgs {
     /// When a reinsertion may run beside others.
     #[arg(long, value_enum, default_value_t)]
     pub(super) strategy: StrategyArg,
+    /// Which nodes PRBVH searches first.
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) order: OrderArg,
     /// Settings that were chosen by measurement, in place of those of the initial tree and the optimiser.
     #[arg(long, value_enum, conflicts_with_all = PRESET_SETS)]
     pub(super) preset: Option<PresetArg>,
@@ -152,6 +155,10 @@ impl OptimizeArgs {
                 MortonBitsArg::Sixty => MortonBits::Sixty,
             },
             prbvh: PrbvhSettings {
+                order: match self.order {
+                    OrderArg::Interleaved => Order::Interleaved,
+                    OrderArg::LargestFirst => Order::LargestFirst,
+                },
                 strategy: match self.strategy {
                     StrategyArg::Aggressive => Strategy::Aggressive,
                     StrategyArg::Conservative => Strategy::Conservative,
@@ -194,6 +201,15 @@ pub(super) enum StrategyArg {
     Aggressive,
     /// If their boxes do not overlap either: the cost never rises.
     Conservative,
+}
+
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub(super) enum OrderArg {
+    /// All in turn, as published.
+    #[default]
+    Interleaved,
+    /// Those that may gain most, and then ever more of them: most of the gain comes early.
+    LargestFirst,
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]

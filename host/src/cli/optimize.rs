@@ -1,6 +1,6 @@
 //! `prbvh optimize`, and `prbvh` alone.
 
-use super::args::{OptimizeArgs, StrategyArg};
+use super::args::{OptimizeArgs, OrderArg, StrategyArg};
 use super::interrupt::Interrupt;
 use super::log::Log;
 use super::{load_scene, print};
@@ -139,6 +139,7 @@ fn report(
                 _ => None,
             },
             strategy: value_name::<StrategyArg>(args.strategy),
+            order: value_name::<OrderArg>(args.order),
             optimizer: settings.optimizer.to_string(),
             rbvh: match &settings.optimizer {
                 Optimizer::Rbvh(settings) => Some(settings.clone()),

@@ -7,7 +7,7 @@ use crate::build::MortonBits;
 #[cfg(feature = "atrbvh")]
 use crate::build::TreeletSize;
 use crate::device::cpu::CpuDevice;
-use crate::optimize::{self, IterationRow, PrbvhSettings, RbvhSettings};
+use crate::optimize::{self, IterationRow, Order, PrbvhSettings, RbvhSettings};
 use crate::pipeline::{Initial, Optimizer, Settings};
 use crate::presets::{self, Candidate};
 use prbvh_kernel::node::Node;
@@ -107,6 +107,15 @@ const METHODS: &[Entry] = &[
         name: "prbvh",
         is_default: true,
         jobs: |settings| settings.mu.iter().map(|&mu| prbvh(Settings::default(), mu)).collect(),
+    },
+    Entry {
+        name: "prbvh-largest-first",
+        is_default: true,
+        jobs: |_| {
+            let optimizer = PrbvhSettings { order: Order::LargestFirst, ..PrbvhSettings::default() };
+            let settings = Settings { prbvh: optimizer, ..Settings::default() };
+            vec![Job { method: "prbvh largest first".to_owned(), ..prbvh(settings, PrbvhSettings::default().mu) }]
+        },
     },
     Entry {
         name: "sah-sweep",

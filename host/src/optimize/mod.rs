@@ -1,5 +1,6 @@
 //! The optimisers: PRBVH iterations until nothing is gained, and sequential RBVH to compare with; the best tree is kept.
 
+mod descent;
 mod moves;
 mod prbvh;
 mod rbvh;
@@ -9,7 +10,7 @@ mod schedule;
 pub use moves::Strategy;
 pub use prbvh::{Outcome, prbvh};
 pub use rbvh::{RbvhSettings, RbvhTree, rbvh};
-pub use schedule::{Epsilon, PrbvhSettings, StopReason};
+pub use schedule::{Epsilon, Order, PrbvhSettings, StopReason};
 
 pub use row::IterationRow;
 pub(crate) use row::set_relative_errors;

@@ -71,8 +71,15 @@ impl Moves {
         Ok(Self { found, locks, tops })
     }
 
-    /// Records search, lock and check over the tree `nodes`.
-    pub(super) fn record(&self, recording: &mut Recording, params: &PrbvhParams, nodes: &Buffer, report: &Buffer) {
+    /// Records search, lock and check over the tree `nodes`, of every node or of those on a list.
+    pub(super) fn record(
+        &self,
+        recording: &mut Recording,
+        params: &PrbvhParams,
+        candidates: Option<&Buffer>,
+        nodes: &Buffer,
+        report: &Buffer,
+    ) {
         let Self { found, locks, tops } = self;
         match locks {
             Locks::Word(locks) => recording.clear("lock", locks),
@@ -84,9 +91,13 @@ impl Moves {
         let mut dispatch = |label, kernel, buffers: &[&Buffer]| {
             recording.dispatch(label, kernel, params.count, params, buffers);
         };
-        match tops {
-            None => dispatch("search", Kernel::PrbvhSearch, &[nodes, found, report]),
-            Some(tops) => dispatch("search", Kernel::PrbvhSearchTop, &[nodes, found, tops, report]),
+        match (candidates, tops) {
+            (None, None) => dispatch("search", Kernel::PrbvhSearch, &[nodes, found, report]),
+            (None, Some(tops)) => dispatch("search", Kernel::PrbvhSearchTop, &[nodes, found, tops, report]),
+            (Some(list), None) => dispatch("search", Kernel::PrbvhSearchCandidates, &[nodes, list, found, report]),
+            (Some(list), Some(tops)) => {
+                dispatch("search", Kernel::PrbvhSearchTopCandidates, &[nodes, list, found, tops, report]);
+            }
         }
         match (locks, tops) {
             (Locks::Word(locks), None) => {

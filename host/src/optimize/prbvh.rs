@@ -1,8 +1,9 @@
 //! The PRBVH iterations: search, lock, check, reinsert, refit, cost.
 
+use super::descent::{Candidates, Descent};
 use super::moves::Moves;
 use super::schedule::Schedule;
-use super::{IterationRow, PrbvhSettings, StopReason, Strategy, set_relative_errors};
+use super::{IterationRow, Order, PrbvhSettings, StopReason, set_relative_errors};
 use crate::build::{DeviceTree, Scratch, arrivals_length, record_refit};
 use crate::bvh::SahModel;
 use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
@@ -11,7 +12,7 @@ use prbvh_kernel::cost::{COST_CHUNK, CostParams};
 use prbvh_kernel::prbvh::PrbvhParams;
 use prbvh_kernel::prbvh::decrease::{DECREASE_CHUNK, DecreaseParams};
 use prbvh_kernel::snapshot::{NodeLinks, SnapshotParams};
-use prbvh_kernel::status::{APPLIED, FAULTS, FOUND, MOST_STEPS, OWNED, REPORT_WORDS};
+use prbvh_kernel::status::{APPLIED, CANDIDATES, FAULTS, FOUND, MOST_STEPS, OWNED, REPORT_WORDS};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -47,12 +48,16 @@ pub fn prbvh(
     settings: &PrbvhSettings,
     observe: &mut dyn FnMut(&IterationRow, &DeviceTree, &mut dyn Device) -> ControlFlow<()>,
 ) -> Result<Outcome, DeviceError> {
-    let mut working_set = WorkingSet::new(device, tree, settings.strategy)?;
+    let mut working_set = WorkingSet::new(device, tree, settings)?;
     let working_bytes = device.memory().bytes;
     let (rows, stop) = working_set.run(device, settings, observe)?;
     working_set.scratch.free(device);
     Ok(Outcome { rows, stop, timings: working_set.timings, working_bytes })
 }
+
+/// In a descent a row follows after searches of at least this part of the nodes: the cost of the whole tree and a copy of its links take
+/// their time.
+const SEARCHES_OF_A_ROW: u32 = 16;
 
 #[derive(Debug)]
 struct WorkingSet<'a> {
@@ -61,21 +66,41 @@ struct WorkingSet<'a> {
     node_count: u32,
     scratch: Scratch,
     moves: Moves,
+    candidates: Option<Candidates>,
     arrivals: Buffer,
+    /// What the last refit left in `arrivals`.
+    arrived: u32,
     /// Partial sums of areas, and from `area_chunks` on of decreases.
     partial: Buffer,
     report: Buffer,
     best_links: Buffer,
     timings: Vec<Timing>,
     device_s: f64,
+    /// Nodes on the list of candidates.
+    listed: u32,
+}
+
+/// What the passes of an iteration did.
+#[derive(Clone, Copy, Debug, Default)]
+struct Work {
+    mu: u32,
+    searched: u32,
+    /// Sum of the half areas of the internal nodes after it.
+    areas: f64,
+    /// Sum of the area decreases of all moves.
+    decreases: f64,
 }
 
 impl<'a> WorkingSet<'a> {
-    fn new(device: &mut dyn Device, tree: &'a DeviceTree, strategy: Strategy) -> Result<Self, DeviceError> {
+    fn new(device: &mut dyn Device, tree: &'a DeviceTree, settings: &PrbvhSettings) -> Result<Self, DeviceError> {
         let node_count = DeviceTree::node_count(tree.references);
         let length = node_count as usize;
         let mut scratch = Scratch::default();
-        let moves = Moves::new(device, &mut scratch, strategy, length)?;
+        let moves = Moves::new(device, &mut scratch, settings.strategy, length)?;
+        let candidates = match settings.order {
+            Order::Interleaved => None,
+            Order::LargestFirst => Some(Candidates::new(&mut scratch, device, node_count)?),
+        };
         let mut buffer = |label, length, bytes| scratch.allocate(device, label, length, bytes);
         let arrivals = buffer("arrivals", arrivals_length(tree.references), 4)?;
         let chunks = node_count.div_ceil(COST_CHUNK) + node_count.div_ceil(DECREASE_CHUNK);
@@ -89,12 +114,15 @@ impl<'a> WorkingSet<'a> {
             node_count,
             scratch,
             moves,
+            candidates,
             arrivals,
+            arrived: 0,
             partial,
             report,
             best_links,
             timings: Vec::new(),
             device_s: 0.0,
+            listed: 0,
         })
     }
 
@@ -106,15 +134,25 @@ impl<'a> WorkingSet<'a> {
     ) -> Result<(Vec<IterationRow>, StopReason), DeviceError> {
         let start = Instant::now();
         let mut recording = Recording::new();
-        record_refit(&mut recording, self.tree.references, &self.tree.nodes, &self.arrivals);
+        self.record_full_refit(&mut recording);
         self.submit(device, &recording)?;
         let root = self.area_sum(device, 0, 1)?;
         let leaves = self.area_sum(device, self.internal, self.tree.references)?;
+        let internal = self.area_sum(device, 0, self.internal)?;
+        let faults = self.read_report(device)?[FAULTS];
+        // From here on only paths are refitted.
+        let mut recording = Recording::new();
+        recording.clear("refit", &self.arrivals);
+        self.submit(device, &recording)?;
+        self.arrived = 0;
+
         let references = self.tree.references;
         let cost_of = |internal| cost_of_areas(internal, leaves, root, references);
-        let area_chunks = self.internal.div_ceil(COST_CHUNK) as usize;
-        let internal = self.area_sum(device, 0, self.internal)?;
         let mut schedule = Schedule::new(settings, cost_of(internal));
+        let mut descent = match settings.order {
+            Order::Interleaved => Descent::over(),
+            Order::LargestFirst => Descent::new(settings.mu),
+        };
         let mut rows = vec![IterationRow {
             iteration: 0,
             mu: schedule.mu(),
@@ -125,7 +163,7 @@ impl<'a> WorkingSet<'a> {
         }];
         let mut best = rows[0].cost;
         let mut is_best = true;
-        let faults = self.read_report(device)?[FAULTS];
+        let mut descended = 0;
         let stop = loop {
             let row = &rows[rows.len() - 1];
             let done = row.iteration;
@@ -135,41 +173,54 @@ impl<'a> WorkingSet<'a> {
             if observe(row, self.tree, device).is_break() {
                 break StopReason::Cancelled;
             }
-            if done > 0
-                && let Some(stop) = schedule.note(&rows[rows.len() - 1])
-            {
-                break stop;
+            if done > descended {
+                if let Some(stop) = schedule.note(&rows[rows.len() - 1]) {
+                    break stop;
+                }
+            } else {
+                schedule.note_cost(row);
             }
             if let Some(stop) = schedule.limit(done, start.elapsed()) {
                 break stop;
             }
-            let mut recording = Recording::new();
             if is_best {
+                let mut recording = Recording::new();
                 self.record_save(&mut recording);
+                self.submit(device, &recording)?;
             }
-            let mu = schedule.mu();
-            let searched = self.record_iteration(&mut recording, mu, done % mu);
-            self.submit(device, &recording)?;
+            let mut work = Work::default();
+            if !descent.is_over() {
+                descended = done + 1;
+                work = self.descend(device, &mut descent, root)?;
+            }
+            if work.searched == 0 {
+                descended = descended.min(done);
+                let mu = schedule.mu();
+                let first = (done - descended) % mu;
+                let params = PrbvhParams { count: self.node_count.saturating_sub(first).div_ceil(mu), ..self.params(mu, first, 0.0) };
+                work.mu = mu;
+                let mut recording = Recording::new();
+                recording.clear("search", &self.report);
+                self.pass(device, recording, &params, false, true, &mut work)?;
+            }
             let report = self.read_report(device)?;
             if report[FAULTS] != 0 {
                 is_best = false;
                 break StopReason::Fault(report[FAULTS]);
             }
-            let partial = self.read_partial(device, area_chunks + searched.div_ceil(DECREASE_CHUNK) as usize)?;
-            let (areas, decreases) = partial.split_at(area_chunks);
-            let cost = cost_of(sum(areas));
+            let cost = cost_of(work.areas);
             is_best = cost < best;
             if is_best {
                 best = cost;
             }
             rows.push(IterationRow {
                 iteration: done + 1,
-                mu,
+                mu: work.mu,
                 time_s: start.elapsed().as_secs_f64(),
                 device_s: self.device_s,
                 cost,
                 predicted_decrease: if root > 0.0 {
-                    SahModel::default().c_traversal * sum(decreases) / root
+                    SahModel::default().c_traversal * work.decreases / root
                 } else {
                     0.0
                 },
@@ -180,9 +231,7 @@ impl<'a> WorkingSet<'a> {
                 ..IterationRow::default()
             });
         };
-        if !is_best {
-            self.restore_best(device)?;
-        }
+        let stop = self.settle(device, is_best)?.map_or(stop, StopReason::Fault);
         set_relative_errors(&mut rows);
         Ok((rows, stop))
     }
@@ -200,35 +249,124 @@ impl<'a> WorkingSet<'a> {
         recording.dispatch("keep best", Kernel::SnapshotSave, self.node_count, &params, &buffers);
     }
 
+    /// Leaves the best tree, with all boxes made anew; returns the faults if that shows that the last one is no tree.
+    fn settle(&mut self, device: &mut dyn Device, is_best: bool) -> Result<Option<u32>, DeviceError> {
+        if is_best {
+            let mut recording = Recording::new();
+            recording.clear("refit", &self.report);
+            self.record_full_refit(&mut recording);
+            self.submit(device, &recording)?;
+            self.area_sum(device, 0, self.internal)?;
+            let faults = self.read_report(device)?[FAULTS];
+            if faults == 0 {
+                return Ok(None);
+            }
+            self.restore_best(device)?;
+            return Ok(Some(faults));
+        }
+        self.restore_best(device)?;
+        Ok(None)
+    }
+
     fn restore_best(&mut self, device: &mut dyn Device) -> Result<(), DeviceError> {
         let mut recording = Recording::new();
         let params = SnapshotParams { count: self.node_count };
         let buffers = [&self.best_links, &self.tree.nodes];
         recording.dispatch("keep best", Kernel::SnapshotRestore, self.node_count, &params, &buffers);
-        record_refit(&mut recording, self.tree.references, &self.tree.nodes, &self.arrivals);
+        self.record_full_refit(&mut recording);
         self.submit(device, &recording)
     }
 
-    /// Records one iteration that searches every `mu`-th node from `first` on; returns how many these are.
-    fn record_iteration(&self, recording: &mut Recording, mu: u32, first: u32) -> u32 {
-        let count = self.node_count.saturating_sub(first).div_ceil(mu);
-        let params = PrbvhParams { count, mu, first, nodes: self.node_count };
+    fn record_full_refit(&mut self, recording: &mut Recording) {
+        record_refit(recording, self.tree.references, &self.tree.nodes, &self.arrivals);
+        self.arrived = 2;
+    }
+
+    fn params(&self, mu: u32, first: u32, floor: f32) -> PrbvhParams {
+        PrbvhParams { count: 0, mu, first, nodes: self.node_count, floor }
+    }
+
+    /// Makes passes of the descent until they searched enough to be worth a look at the cost, or to the end of the descent.
+    fn descend(&mut self, device: &mut dyn Device, descent: &mut Descent, root: f64) -> Result<Work, DeviceError> {
+        let mut work = Work::default();
+        let mut recording = Recording::new();
+        recording.clear("search", &self.report);
+        while let Some(pass) = descent.next() {
+            let floor = |part: f32| (f64::from(part) * root) as f32;
+            if let Some(part) = pass.list {
+                self.listed = self.list_candidates(device, std::mem::take(&mut recording), floor(part))?;
+            }
+            let of_list = self.listed < self.node_count / 2;
+            let all = if of_list { self.listed } else { self.node_count };
+            let params = PrbvhParams {
+                count: all.saturating_sub(pass.first).div_ceil(pass.mu),
+                ..self.params(pass.mu, pass.first, floor(pass.floor))
+            };
+            if params.count == 0 {
+                continue;
+            }
+            work.mu = pass.mu;
+            let ends = descent.is_over() || (work.searched + params.count) >= self.node_count / SEARCHES_OF_A_ROW;
+            self.pass(device, std::mem::take(&mut recording), &params, of_list, ends, &mut work)?;
+            if ends {
+                break;
+            }
+        }
+        Ok(work)
+    }
+
+    /// Makes the list of all nodes that may gain more than `floor`; returns how many there are.
+    fn list_candidates(
+        &mut self,
+        device: &mut dyn Device,
+        mut recording: Recording,
+        floor: f32,
+    ) -> Result<u32, DeviceError> {
+        let Some(candidates) = &self.candidates else { return Ok(0) };
+        candidates.record(&mut recording, &self.tree.nodes, self.node_count, floor, &self.report);
+        self.submit(device, &recording)?;
+        Ok(self.read_report(device)?[CANDIDATES])
+    }
+
+    /// Searches, reinserts and refits; adds to `work`, with the areas of the internal nodes if `measures`.
+    fn pass(
+        &mut self,
+        device: &mut dyn Device,
+        mut recording: Recording,
+        params: &PrbvhParams,
+        of_list: bool,
+        measures: bool,
+        work: &mut Work,
+    ) -> Result<(), DeviceError> {
+        let count = params.count;
         let nodes = &self.tree.nodes;
         let (found, report) = (&self.moves.found, &self.report);
-        recording.clear("search", report);
-        self.moves.record(recording, &params, nodes, report);
+        let list = self.candidates.as_ref().filter(|_| of_list).map(|candidates| &candidates.list);
+        self.moves.record(&mut recording, params, list, nodes, report);
+        let area_chunks = self.internal.div_ceil(COST_CHUNK);
         let chunks = count.div_ceil(DECREASE_CHUNK);
-        let sums = DecreaseParams { count: chunks, found: count, first: self.internal.div_ceil(COST_CHUNK) };
+        let sums = DecreaseParams { count: chunks, found: count, first: area_chunks };
         recording.dispatch("cost", Kernel::PrbvhDecrease, chunks, &sums, &[found, &self.partial]);
-        recording.dispatch("reinsert", Kernel::PrbvhReinsert, count, &params, &[found, nodes, report]);
-        record_refit(recording, self.tree.references, nodes, &self.arrivals);
-        self.record_area_sum(recording, 0, self.internal);
-        count
+        recording.dispatch("reinsert", Kernel::PrbvhReinsert, count, params, &[found, nodes, report]);
+        recording.dispatch("refit", Kernel::PrbvhMarkPaths, count, params, &[found, nodes, &self.arrivals]);
+        recording.dispatch("refit", Kernel::PrbvhRefitPaths, count, params, &[found, nodes, &self.arrivals]);
+        if measures {
+            self.record_area_sum(&mut recording, 0, self.internal);
+        }
+        self.submit(device, &recording)?;
+        let partial = self.read_partial(device, (area_chunks + chunks) as usize)?;
+        let (areas, decreases) = partial.split_at(area_chunks as usize);
+        if measures {
+            work.areas = sum(areas);
+        }
+        work.decreases += sum(decreases);
+        work.searched += count;
+        Ok(())
     }
 
     fn record_area_sum(&self, recording: &mut Recording, first: u32, nodes: u32) {
         let count = nodes.div_ceil(COST_CHUNK);
-        let params = CostParams { count, first, nodes, internal: self.internal };
+        let params = CostParams { count, first, nodes, internal: self.internal, arrived: self.arrived };
         let buffers = [&self.tree.nodes, &self.arrivals, &self.partial, &self.report];
         recording.dispatch("cost", Kernel::Cost, count, &params, &buffers);
     }

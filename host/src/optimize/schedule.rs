@@ -14,9 +14,32 @@ pub enum Epsilon {
     Absolute(f64),
 }
 
+/// Which nodes are searched first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Order {
+    /// All in turn, as published (§4.4.2).
+    #[default]
+    Interleaved,
+    /// Those that may gain most, and then ever more of them ([`descent`](super::descent)); all in turn at the end.
+    LargestFirst,
+}
+
+/// As on the command line.
+impl std::fmt::Display for Order {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Interleaved => "interleaved",
+            Self::LargestFirst => "largest-first",
+        })
+    }
+}
+
 /// Settings of the optimiser.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PrbvhSettings {
+    /// Which nodes are searched first.
+    pub order: Order,
     /// When a reinsertion may run beside others.
     pub strategy: Strategy,
     /// Every `mu`-th node is searched, another set each iteration; at least 1. Falls to 1 as the cost settles.
@@ -37,6 +60,7 @@ pub struct PrbvhSettings {
 impl Default for PrbvhSettings {
     fn default() -> Self {
         Self {
+            order: Order::default(),
             strategy: Strategy::default(),
             mu: 9,
             epsilon: Epsilon::Relative(1e-4),
@@ -135,6 +159,12 @@ impl Schedule {
 
     fn is_at_target(&self) -> bool {
         self.target_cost.is_some_and(|target| self.cost <= target)
+    }
+
+    /// Takes note of an iteration that is one of a fixed number.
+    pub(super) fn note_cost(&mut self, row: &IterationRow) {
+        self.cost = row.cost;
+        self.best = self.best.min(row.cost);
     }
 
     /// Takes note of an iteration; says whether it was the last.

@@ -8,7 +8,7 @@ mod choice;
 pub use choice::{BALANCED_ERROR, BEST_ERROR, ChoiceError, Choices, FAST_ERROR, Score, Trial, choose};
 
 use crate::build::{DEFAULT_RADIUS, TreeletSize};
-use crate::optimize::{Epsilon, PrbvhSettings, RbvhSettings};
+use crate::optimize::{Epsilon, Order, PrbvhSettings, RbvhSettings};
 use crate::pipeline::{Initial, Optimizer, Settings};
 use std::fmt;
 
@@ -63,6 +63,8 @@ pub enum Then {
     Nothing,
     /// PRBVH: first µ, and ε as a part of the initial cost.
     Prbvh(u32, f64),
+    /// The same with the largest reinsertions first.
+    LargestFirst(u32, f64),
     /// RBVH with undo, as it is by default.
     Rbvh,
 }
@@ -101,6 +103,11 @@ pub const CANDIDATES: &[Candidate] = &[
     chosen(Preset::Balanced, From::Atrbvh, Then::Prbvh(9, 1e-3)),
     tried(From::Atrbvh, Then::Prbvh(9, 1e-4)),
     tried(From::Atrbvh, Then::Prbvh(1, 1e-5)),
+    tried(From::Lbvh, Then::LargestFirst(9, 1e-3)),
+    tried(From::Ploc, Then::LargestFirst(9, 1e-3)),
+    tried(From::Atrbvh, Then::LargestFirst(9, 1e-2)),
+    tried(From::Atrbvh, Then::LargestFirst(9, 1e-3)),
+    tried(From::Atrbvh, Then::LargestFirst(9, 1e-4)),
     chosen(Preset::Best, From::Atrbvh, Then::Rbvh),
 ];
 
@@ -116,9 +123,13 @@ impl Candidate {
         let (optimizer, prbvh) = match self.then {
             Then::Nothing => (Optimizer::None, PrbvhSettings::default()),
             Then::Rbvh => (Optimizer::Rbvh(RbvhSettings::default()), PrbvhSettings::default()),
-            Then::Prbvh(mu, epsilon) => {
+            Then::Prbvh(mu, epsilon) | Then::LargestFirst(mu, epsilon) => {
                 let epsilon = Epsilon::Relative(epsilon);
-                (Optimizer::Prbvh, PrbvhSettings { mu, epsilon, ..PrbvhSettings::default() })
+                let order = match self.then {
+                    Then::LargestFirst(..) => Order::LargestFirst,
+                    _ => Order::Interleaved,
+                };
+                (Optimizer::Prbvh, PrbvhSettings { order, mu, epsilon, ..PrbvhSettings::default() })
             }
         };
         Settings { initial, optimizer, prbvh, ..Settings::default() }
@@ -132,6 +143,7 @@ impl fmt::Display for Candidate {
         match self.then {
             Then::Nothing => Ok(()),
             Then::Prbvh(mu, epsilon) => write!(f, ", prbvh µ={mu} ε={epsilon}"),
+            Then::LargestFirst(mu, epsilon) => write!(f, ", prbvh largest first µ={mu} ε={epsilon}"),
             Then::Rbvh => f.write_str(", rbvh undo"),
         }
     }

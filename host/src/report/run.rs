@@ -141,12 +141,14 @@ pub struct Settings {
     pub radius: Option<u32>,
     /// Leaves of the treelets of ATRBVH; none for another builder.
     pub treelet: Option<u32>,
-    /// Optimiser: `prbvh`, `rbvh` or `none`. `strategy`, `mu` and `epsilon` are for `prbvh` alone.
+    /// Optimiser: `prbvh`, `rbvh` or `none`. `strategy`, `order`, `mu` and `epsilon` are for `prbvh` alone.
     pub optimizer: String,
     /// Settings of RBVH; none for another optimiser.
     pub rbvh: Option<RbvhSettings>,
     /// Locking strategy.
     pub strategy: String,
+    /// Which nodes are searched first.
+    pub order: String,
     /// Sparse search: one node in `mu` is searched per iteration, at first.
     pub mu: u32,
     /// Change of cost below which `mu` shrinks.

@@ -46,9 +46,8 @@ fn check_with(
     report: &[AtomicU32],
     owns: impl Fn(usize, f32, u32) -> bool,
 ) {
-    let Reinsertion { area_decrease, output } = found[i as usize].get();
+    let Reinsertion { area_decrease, input, output } = found[i as usize].get();
     if output != NO_NODE {
-        let input = params.input(i);
         if TopologyNodes::of(nodes, params.nodes / 2, input, output).all(|v| owns(v, area_decrease, input)) {
             report[OWNED].add(1);
         } else {

@@ -13,9 +13,8 @@ use crate::node::{NO_NODE, Node};
 /// Invocation `i` claims with a 64-bit key.
 #[inline(always)]
 pub fn lock(i: u32, params: &PrbvhParams, nodes: &[Node], found: &[Reinsertion], locks: &[AtomicU64]) {
-    let Reinsertion { area_decrease, output } = found[i as usize];
+    let Reinsertion { area_decrease, input, output } = found[i as usize];
     if output != NO_NODE {
-        let input = params.input(i);
         let key = lock_key(area_decrease, input);
         TopologyNodes::of(nodes, params.nodes / 2, input, output).for_each(|v| locks[v].max(key));
     }
@@ -24,10 +23,10 @@ pub fn lock(i: u32, params: &PrbvhParams, nodes: &[Node], found: &[Reinsertion],
 /// Invocation `i` claims with the bits of its area decrease: the upper words of the keys.
 #[inline(always)]
 pub fn lock_decrease(i: u32, params: &PrbvhParams, nodes: &[Node], found: &[Reinsertion], decreases: &[AtomicU32]) {
-    let Reinsertion { area_decrease, output } = found[i as usize];
+    let Reinsertion { area_decrease, input, output } = found[i as usize];
     if output != NO_NODE {
         let key = area_decrease.to_bits();
-        TopologyNodes::of(nodes, params.nodes / 2, params.input(i), output).for_each(|v| decreases[v].max(key));
+        TopologyNodes::of(nodes, params.nodes / 2, input, output).for_each(|v| decreases[v].max(key));
     }
 }
 
@@ -41,9 +40,8 @@ pub fn lock_input(
     decreases: &[u32],
     inputs: &[AtomicU32],
 ) {
-    let Reinsertion { area_decrease, output } = found[i as usize];
+    let Reinsertion { area_decrease, input, output } = found[i as usize];
     if output != NO_NODE {
-        let input = params.input(i);
         let key = area_decrease.to_bits();
         TopologyNodes::of(nodes, params.nodes / 2, input, output).for_each(move |v| {
             if decreases[v] == key {

@@ -35,29 +35,34 @@
 //! excepted `S` shares its parent with the input, so that two such moves share a lock.
 //! `cost` checks the claim after every iteration.
 
+pub mod candidates;
 pub mod check;
 pub mod conservative;
 pub mod decrease;
 pub mod lock;
+pub mod paths;
 pub mod reinsert;
 pub mod search;
 
 use crate::node::{Links, NO_NODE, ROOT};
 use bytemuck::{Pod, Zeroable};
 
-/// What the search found for one input node, 8 bytes.
+/// What the search found for one input node, 12 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Reinsertion {
     /// Decrease of the sum of half areas, scene units²; positive.
     pub area_decrease: f32,
-    /// The node to become the sibling of; [`NO_NODE`] if nothing was found or the locks were lost.
+    /// The node that moves.
+    pub input: u32,
+    /// The node to become the sibling of; [`NO_NODE`] if nothing was found or the locks were lost. Once the move is made: the node that its old
+    /// parent hung below, where boxes shrink.
     pub output: u32,
 }
 
 impl Reinsertion {
     /// Nothing to move.
-    pub const NONE: Self = Self { area_decrease: 0.0, output: NO_NODE };
+    pub const NONE: Self = Self { area_decrease: 0.0, input: NO_NODE, output: NO_NODE };
 }
 
 /// Push constants of the kernels of an iteration.
@@ -66,16 +71,18 @@ impl Reinsertion {
 pub struct PrbvhParams {
     /// Invocations: one per input node.
     pub count: u32,
-    /// Every `mu`-th node is an input node (§4.4.2).
+    /// Every `mu`-th node, or candidate, is an input node (§4.4.2).
     pub mu: u32,
-    /// The first input node: iteration mod `mu`.
+    /// The first of them: iteration mod `mu`.
     pub first: u32,
     /// Nodes of the tree, `2n-1`.
     pub nodes: u32,
+    /// Area decrease that a move must exceed, scene units², up to rounding. 0 lets every move pass.
+    pub floor: f32,
 }
 
 impl PrbvhParams {
-    /// Input node of invocation `i`.
+    /// Input node of invocation `i`, or its place among the candidates.
     #[inline(always)]
     #[must_use]
     pub fn input(&self, i: u32) -> u32 {

@@ -1,28 +1,30 @@
 //! PRBVH reinsert: owners of their locks change the tree.
 //!
 //! Source: Meister & Bittner 2018, §4.2 and §5 "Reinsert nodes". Kind: scatter: the children links of a node (its `down`, the `up` of both
-//! children) are touched only by the reinsertion that owns the node. Reads `found`; reads and writes the links of `nodes[2n-1]`;
-//! boxes are stale until the next refit.
+//! children) are touched only by the reinsertion that owns the node. Reads and writes `found` and the links of
+//! `nodes[2n-1]`; boxes are stale until the next refit.
 
-use super::{PrbvhParams, Reinsertion};
-use crate::mem::AtomicU32;
+use super::Reinsertion;
+use crate::mem::{AtomicU32, Slot};
 use crate::node::{AtomicNode, Links, NO_NODE, RIGHT, ROOT};
 use crate::status::APPLIED;
 
-/// Invocation `i` applies the reinsertion of input node `params.input(i)`, if it kept its locks.
+/// Invocation `i` applies the reinsertion `found[i]`, if it kept its locks, and leaves there where it left from.
 #[inline(always)]
-pub fn reinsert(i: u32, params: &PrbvhParams, found: &[Reinsertion], nodes: &[AtomicNode], report: &[AtomicU32]) {
-    let output = found[i as usize].output;
-    if output != NO_NODE {
-        let freed = remove(params.input(i), nodes);
-        insert(params.input(i), output, freed, nodes);
+pub fn reinsert(i: u32, found: &[Slot<Reinsertion>], nodes: &[AtomicNode], report: &[AtomicU32]) {
+    let reinsertion = found[i as usize].get();
+    if reinsertion.output != NO_NODE {
+        let (freed, above) = remove(reinsertion.input, nodes);
+        insert(reinsertion.input, reinsertion.output, freed, nodes);
+        found[i as usize].set(Reinsertion { output: above, ..reinsertion });
         report[APPLIED].add(1);
     }
 }
 
-/// Takes `input` and one more node out of the tree; the sibling closes the gap. Returns the node that is free to be the new parent.
+/// Takes `input` and one more node out of the tree; the sibling closes the gap. Returns the node that is free to be the new parent, and the
+/// lowest one with fewer leaves below than before.
 #[inline(always)]
-fn remove(input: u32, nodes: &[AtomicNode]) -> u32 {
+fn remove(input: u32, nodes: &[AtomicNode]) -> (u32, u32) {
     let parent = nodes.parent(input);
     let sibling = nodes.sibling(input);
     if parent == ROOT {
@@ -31,10 +33,11 @@ fn remove(input: u32, nodes: &[AtomicNode]) -> u32 {
         let right = nodes.up(left);
         nodes[ROOT as usize].set_down(left);
         nodes[right as usize].set_up(ROOT | RIGHT);
-        sibling
+        (sibling, ROOT)
     } else {
+        let above = nodes.parent(parent);
         replace(parent, sibling, nodes);
-        parent
+        (parent, above)
     }
 }
 

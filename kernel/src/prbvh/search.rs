@@ -1,6 +1,6 @@
 //! PRBVH search: for every input node the output node with the largest area decrease.
 //!
-//! Source: Meister & Bittner 2018, §4.1 and algorithm 1. Kind: map: invocation `i` reads `nodes[2n-1]` and writes `found[i]`.
+//! Source: Meister & Bittner 2018, §4.1 and algorithm 1. Kind: map: an invocation reads `nodes[2n-1]` and writes an element of `found`.
 //!
 //! The walk needs no stack. It takes the pivots one by one, from the input's parent to the root, and visits the subtree on the
 //! other side of each in depth-first order, with `up` of a node as the way on. What differs from the published algorithm:
@@ -9,6 +9,7 @@
 //! no candidates. As published those can never win; evaluated exactly they did, and the final cost on six scenes changed by
 //! -0.1 % to +0.5 %, so they are left out.
 
+use super::candidates::largest_decrease;
 use super::{PrbvhParams, Reinsertion};
 use crate::aabb::Aabb;
 use crate::mem::{AtomicU32, Slot};
@@ -22,49 +23,37 @@ pub const RELATIVE_THRESHOLD: f32 = 1.0 / (1 << 20) as f32;
 /// (341). Devices need a bound that is the same on all: lavapipe leaves a loop after 65,535 rounds without a word.
 pub const MAX_STEPS: u32 = 4096;
 
-/// Invocation `i` searches for input node `params.input(i)`.
+/// Searches for `input` and returns the child of the pivot above its output, which may be the output itself. Without an output it has no
+/// meaning.
 #[inline(always)]
-pub fn search(i: u32, params: &PrbvhParams, nodes: &[Node], found: &[Slot<Reinsertion>], report: &[AtomicU32]) {
-    search_one(i, params, nodes, found, report);
-}
-
-/// As [`search`]; `tops[i]` becomes the child of the pivot above the output, which may be the output itself. Without an output it has no meaning.
-#[inline(always)]
-pub fn search_top(
-    i: u32,
+pub fn search(
+    input: u32,
     params: &PrbvhParams,
     nodes: &[Node],
-    found: &[Slot<Reinsertion>],
-    tops: &[Slot<u32>],
+    found: &Slot<Reinsertion>,
     report: &[AtomicU32],
-) {
-    tops[i as usize].set(search_one(i, params, nodes, found, report));
-}
-
-#[inline(always)]
-fn search_one(i: u32, params: &PrbvhParams, nodes: &[Node], found: &[Slot<Reinsertion>], report: &[AtomicU32]) -> u32 {
-    let input = params.input(i);
+) -> u32 {
     let mut best = Reinsertion::NONE;
     let mut top = NO_NODE;
-    if input != ROOT && input < params.nodes {
-        let (candidate, candidate_top) = best_output(input, params.nodes, nodes, report);
+    if input != ROOT && input < params.nodes && (params.floor == 0.0 || largest_decrease(input, nodes) > params.floor) {
+        let (candidate, candidate_top) = best_output(input, params, nodes, report);
         if candidate != NO_NODE {
             let area_decrease = checked_area_decrease(input, candidate, nodes.parent(candidate_top), nodes);
             if area_decrease > 0.0 {
-                best = Reinsertion { area_decrease, output: candidate };
+                best = Reinsertion { area_decrease, input, output: candidate };
                 top = candidate_top;
                 report[FOUND].add(1);
             }
         }
     }
-    found[i as usize].set(best);
+    found.set(best);
     top
 }
 
-/// The best output node and the child of its pivot above it; [`NO_NODE`] if no move promises a decrease.
+/// The best output node and the child of its pivot above it; [`NO_NODE`] if no move promises a decrease above the floor.
 #[inline(always)]
-fn best_output(input: u32, node_count: u32, nodes: &[Node], report: &[AtomicU32]) -> (u32, u32) {
-    let internal = node_count / 2;
+fn best_output(input: u32, params: &PrbvhParams, nodes: &[Node], report: &[AtomicU32]) -> (u32, u32) {
+    let internal = params.nodes / 2;
     let input_box = nodes[input as usize].aabb();
     let sibling = nodes.sibling(input);
     let parent = nodes.parent(input);
@@ -72,7 +61,7 @@ fn best_output(input: u32, node_count: u32, nodes: &[Node], report: &[AtomicU32]
     // No output can cost less than the input's own area.
     let bound = parent_area - input_box.half_area();
 
-    let mut best = 0.0f32;
+    let mut best = params.floor;
     let mut output = NO_NODE;
     let mut output_top = NO_NODE;
 
@@ -143,7 +132,10 @@ fn best_output(input: u32, node_count: u32, nodes: &[Node], report: &[AtomicU32]
     if !done && steps < MAX_STEPS {
         status::raise(report, FAULT_SEARCH_STEPS);
     }
-    report[MOST_STEPS].max(steps);
+    // Most searches are not the longest: a read costs less than to own the word.
+    if steps > report[MOST_STEPS].load() {
+        report[MOST_STEPS].max(steps);
+    }
     (output, output_top)
 }
 

@@ -49,9 +49,8 @@ fn check_with(
     report: &[AtomicU32],
     holder: impl Fn(usize) -> (u32, u32),
 ) {
-    let Reinsertion { area_decrease, output } = found[i as usize].get();
+    let Reinsertion { area_decrease, input, output } = found[i as usize].get();
     if output != NO_NODE {
-        let input = params.input(i);
         let footprint = Footprint { internal: params.nodes / 2, input, output, top: tops[i as usize] };
         let stays = footprint.all(nodes, move |v, written| {
             let (decrease, held) = holder(v as usize);

@@ -58,9 +58,8 @@ fn for_each(
     tops: &[u32],
     raise: impl Fn(usize, u32),
 ) {
-    let output = found[i as usize].output;
+    let Reinsertion { input, output, .. } = found[i as usize];
     if output != NO_NODE {
-        let input = params.input(i);
         let footprint = Footprint { internal: params.nodes / 2, input, output, top: tops[i as usize] };
         footprint.for_each(nodes, move |v, written| raise(v as usize, claim(input, written)));
     }
