@@ -3,7 +3,7 @@
 use prbvh::build::check_limits;
 use prbvh::collapse::CollapseSettings;
 use prbvh::device::cpu::CpuDevice;
-use prbvh::device::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
+use prbvh::device::{self, Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
 use prbvh::optimize::{PrbvhSettings, Strategy};
 use prbvh::pipeline::{Optimizer, PipelineError, Settings, optimize};
 use prbvh::plan::Plan;
@@ -122,7 +122,15 @@ struct Strict {
     info: DeviceInfo,
 }
 
-impl Device for Strict {
+impl device::Layer for Strict {
+    fn inner(&self) -> &dyn Device {
+        &self.device
+    }
+
+    fn inner_mut(&mut self) -> &mut dyn Device {
+        &mut self.device
+    }
+
     fn info(&self) -> &DeviceInfo {
         &self.info
     }
@@ -133,26 +141,6 @@ impl Device for Strict {
         let (all, counted) = (self.device.memory().bytes, self.info.memory_bytes);
         assert!(all <= counted, "{all} bytes with {label}, of {counted}");
         Ok(buffer)
-    }
-
-    fn free(&mut self, buffer: Buffer) {
-        self.device.free(buffer);
-    }
-
-    fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
-        self.device.upload(buffer, bytes)
-    }
-
-    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
-        self.device.download(buffer, bytes)
-    }
-
-    fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
-        self.device.run(recording)
-    }
-
-    fn memory(&self) -> MemoryUse {
-        self.device.memory()
     }
 }
 
