@@ -69,7 +69,7 @@ pub(super) fn slots(jobs: &[Job], devices: usize, is_traced: bool) -> Vec<Slot<'
             has_heat_map: device == 0 && (job.mu.is_some() || job.method == "lbvh") && shown(job),
         };
         match job.builder {
-            Builder::Initial(_) | Builder::Prbvh(_) => slots.extend((0..devices).map(|d| slot(d, vec![d]))),
+            Builder::Pipeline(_) => slots.extend((0..devices).map(|d| slot(d, vec![d]))),
             Builder::Host { .. } | Builder::Peer(_) if is_traced => slots.push(slot(0, (0..devices).collect())),
             Builder::Host { .. } | Builder::Peer(_) => slots.push(slot(0, vec![0])),
         }
@@ -82,7 +82,7 @@ impl Slot<'_> {
     pub(super) fn name(&self, devices: &[Box<dyn Device>]) -> String {
         let mu = self.job.mu.map_or_else(String::new, |mu| format!(" µ={mu}"));
         let on = match self.job.builder {
-            Builder::Initial(_) | Builder::Prbvh(_) => format!(" on {}", devices[self.device].info().name),
+            Builder::Pipeline(_) => format!(" on {}", devices[self.device].info().name),
             Builder::Host { .. } | Builder::Peer(_) => String::new(),
         };
         format!("{}{mu}{on}", self.job.method)
@@ -170,7 +170,7 @@ impl Slot<'_> {
     ) -> (Vec<MethodRow>, Option<OptimizerRun>) {
         let is_traced = self.traces.iter().any(|trace| trace.traced.is_some());
         let built_on = match self.job.builder {
-            Builder::Initial(_) | Builder::Prbvh(_) => devices[self.device].info().name.as_str(),
+            Builder::Pipeline(_) => devices[self.device].info().name.as_str(),
             Builder::Host { .. } => "cpu (host)",
             Builder::Peer(_) => "cpu (peer)",
         };
