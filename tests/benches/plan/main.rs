@@ -3,6 +3,7 @@
 use clap::Parser;
 use prbvh::bvh::tree_hash;
 use prbvh::collapse::CollapseSettings;
+use prbvh::compare::median;
 use prbvh::device::{self, Device, DeviceChoice};
 use prbvh::optimize::PrbvhSettings;
 use prbvh::pipeline::{Optimized, Settings, optimize_by};
@@ -129,21 +130,16 @@ fn measure(scene: &Scene, device: &mut dyn Device, repetitions: usize) {
             println!("| {} | {} | {omission:?}: needed | | | | | | |", scene.name, scene.triangles.len());
             continue;
         }
-        let [with, without] = [median(&mut left_out.seconds), median(&mut kept.seconds)].map(|seconds| seconds * 1e3);
+        let [with, without] =
+            [&left_out.seconds, &kept.seconds].map(|seconds| median(seconds).unwrap_or(f64::NAN) * 1e3);
         println!(
             "| {} | {} | {omission:?} | {with:.3} | {without:.3} | {:.3} | {} | {:.3} | {} |",
             scene.name,
             scene.triangles.len(),
             without - with,
             kept.bytes() - left_out.bytes(),
-            median(&mut left_out.plan_seconds) * 1e3,
+            median(&left_out.plan_seconds).unwrap_or(f64::NAN) * 1e3,
             tree_hash(&left_out.last().tree)
         );
     }
-}
-
-/// The middle value; the upper one of two.
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
