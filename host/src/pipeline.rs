@@ -4,7 +4,7 @@ use crate::build::{self, Codes, DeviceTree, MortonBits, TreeOfFileError, Treelet
 use crate::bvh::{self, Bvh, Quality, SahModel, TreeFault};
 use crate::collapse::{CollapseError, CollapseSettings, check_settings, collapse};
 use crate::device::{Device, DeviceError, DeviceInfo, Timing, on_host};
-use crate::optimize::{IterationRow, Outcome, PrbvhSettings, RbvhSettings, StopReason, prbvh, rbvh};
+use crate::optimize::{IterationRow, Limits, Outcome, PrbvhSettings, RbvhSettings, StopReason, prbvh, rbvh};
 use crate::plan::Plan;
 use crate::scene::{SafeRange, Scene};
 use prbvh_kernel::node::Node;
@@ -125,6 +125,25 @@ pub struct Settings {
     pub prbvh: PrbvhSettings,
     /// Adaptive leaves after the optimisation; none: one triangle per leaf.
     pub adaptive: Option<CollapseSettings>,
+}
+
+impl Settings {
+    /// What ends the optimiser early. Where there is none, the limits of [`Settings::prbvh`], which then end nothing.
+    #[must_use]
+    pub fn limits(&self) -> &Limits {
+        match &self.optimizer {
+            Optimizer::Rbvh(settings) => &settings.limits,
+            Optimizer::Prbvh | Optimizer::None => &self.prbvh.limits,
+        }
+    }
+
+    /// As [`Settings::limits`].
+    pub fn limits_mut(&mut self) -> &mut Limits {
+        match &mut self.optimizer {
+            Optimizer::Rbvh(settings) => &mut settings.limits,
+            Optimizer::Prbvh | Optimizer::None => &mut self.prbvh.limits,
+        }
+    }
 }
 
 /// A better tree, and how it came about.

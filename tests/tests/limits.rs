@@ -151,7 +151,7 @@ fn a_scene_that_just_fits_stays_within_the_limits() {
         for strategy in [Strategy::Aggressive, Strategy::Conservative] {
             for adaptive in [None, Some(CollapseSettings::default())] {
                 let mut settings = Settings { adaptive, ..Settings::default() };
-                settings.prbvh.max_iterations = 2;
+                settings.prbvh.limits.max_iterations = 2;
                 settings.prbvh.strategy = strategy;
                 let info = limited(2 * n as u64 * size_of::<Node>() as u64, most_memory(&scene, &settings));
                 let mut device = Strict { device: CpuDevice::new(1).unwrap(), info };

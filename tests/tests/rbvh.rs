@@ -4,7 +4,7 @@ use prbvh::build::sah_binned;
 use prbvh::bvh::{Bvh, SahModel, TreeFault, quality, tree_hash, validate};
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{self, Device};
-use prbvh::optimize::{IterationRow, Outcome, RbvhSettings, StopReason, rbvh};
+use prbvh::optimize::{IterationRow, Limits, Outcome, RbvhSettings, StopReason, rbvh};
 use prbvh::pipeline::{Initial, Optimizer, Settings, optimize};
 use prbvh::scene::{SafeRange, Scene, built_in};
 use prbvh_kernel::node::Node;
@@ -68,7 +68,7 @@ proptest! {
     #[test]
     fn every_batch_leaves_a_tree_with_the_cost_that_it_says(n in 1usize..200, seed: u64, undo: bool, size in 0.01f32..1.0) {
         let triangles = working(&soup(n, size, seed));
-        let settings = RbvhSettings { undo, seed, max_iterations: 60, ..RbvhSettings::default() };
+        let settings = RbvhSettings { undo, seed, limits: Limits::iterations(60), ..RbvhSettings::default() };
         let mut nodes = chain(&triangles);
         let before = cost(&nodes);
         checked(&mut nodes, &triangles, &settings);
@@ -97,7 +97,8 @@ fn degenerate_scenes_end() {
     for triangles in scenes.iter().chain(&[1, 2, 3, 4, 5].map(|n| soup(n, 0.3, 7))) {
         let triangles = working(triangles);
         for undo in [true, false] {
-            let settings = RbvhSettings { undo, epsilon: 0.0, max_iterations: 3000, ..RbvhSettings::default() };
+            let settings =
+                RbvhSettings { undo, epsilon: 0.0, limits: Limits::iterations(3000), ..RbvhSettings::default() };
             let outcome = checked(&mut chain(&triangles), &triangles, &settings);
             assert!(outcome.stop == StopReason::Converged || !undo, "{:?}", outcome.stop);
         }

@@ -5,7 +5,7 @@ use prbvh::bvh::tree_hash;
 use prbvh::collapse::CollapseSettings;
 use prbvh::compare::median;
 use prbvh::device::{self, Device, DeviceChoice};
-use prbvh::optimize::PrbvhSettings;
+use prbvh::optimize::{Limits, PrbvhSettings};
 use prbvh::pipeline::{Optimized, Settings, optimize_by};
 use prbvh::plan::{Omission, Plan};
 use prbvh::report::{Machine, Program};
@@ -68,7 +68,7 @@ fn main() {
 /// The initial tree, and its collapse to leaves of one triangle: all that the omissions are in.
 fn settings() -> Settings {
     let adaptive = CollapseSettings { max_leaf: Some(1), ..CollapseSettings::default() };
-    let prbvh = PrbvhSettings { max_iterations: 0, ..PrbvhSettings::default() };
+    let prbvh = PrbvhSettings { limits: Limits::iterations(0), ..PrbvhSettings::default() };
     Settings { adaptive: Some(adaptive), prbvh, ..Settings::default() }
 }
 
