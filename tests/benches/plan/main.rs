@@ -57,11 +57,8 @@ fn main() {
     if arguments.triangles > 0 {
         measure(&scene::built_in(arguments.triangles), &mut *device, arguments.repeat);
     }
-    for path in prbvh_tests::scenes::shared() {
-        if path.file_name().unwrap_or_default().to_string_lossy().contains(&arguments.scenes) {
-            let scene = scene::load(&path).unwrap_or_else(|error| panic!("{error}"));
-            measure(&scene, &mut *device, arguments.repeat);
-        }
+    for scene in prbvh_tests::scenes::loaded(&arguments.scenes) {
+        measure(&scene, &mut *device, arguments.repeat);
     }
 }
 
