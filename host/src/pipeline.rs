@@ -4,7 +4,7 @@ use crate::build::{self, Codes, DeviceTree, MortonBits, TreeOfFileError, Treelet
 use crate::bvh::{self, Bvh, Quality, SahModel, TreeFault};
 use crate::collapse::{CollapseError, CollapseSettings, check_settings, collapse};
 use crate::device::{Device, DeviceError, DeviceInfo, Timing, on_host};
-use crate::optimize::{IterationRow, Outcome, PrbvhSettings, RbvhSettings, StopReason, prbvh, rbvh};
+use crate::optimize::{IterationRow, Limits, Outcome, PrbvhSettings, RbvhSettings, StopReason, prbvh, rbvh};
 use crate::plan::Plan;
 use crate::scene::{SafeRange, Scene};
 use prbvh_kernel::node::Node;
@@ -127,6 +127,25 @@ pub struct Settings {
     pub adaptive: Option<CollapseSettings>,
 }
 
+impl Settings {
+    /// What ends the optimiser early. Where there is none, the limits of [`Settings::prbvh`], which then end nothing.
+    #[must_use]
+    pub fn limits(&self) -> &Limits {
+        match &self.optimizer {
+            Optimizer::Rbvh(settings) => &settings.limits,
+            Optimizer::Prbvh | Optimizer::None => &self.prbvh.limits,
+        }
+    }
+
+    /// As [`Settings::limits`].
+    pub fn limits_mut(&mut self) -> &mut Limits {
+        match &mut self.optimizer {
+            Optimizer::Rbvh(settings) => &mut settings.limits,
+            Optimizer::Prbvh | Optimizer::None => &mut self.prbvh.limits,
+        }
+    }
+}
+
 /// A better tree, and how it came about.
 #[derive(Clone, Debug)]
 pub struct Optimized {
@@ -216,7 +235,9 @@ pub fn optimize_by(
     let (tree, build_timings) = initial_tree(scene, &working, device, (&settings.initial, plan.codes))?;
     let build_s = start.elapsed().as_secs_f64();
     drop(working);
-    let (_, initial) = hand_out(&tree, scene, device, "builder")?;
+    let (built, initial) = hand_out(&tree, scene, device, "builder")?;
+    // Only kept where nothing comes after it.
+    let built = matches!(settings.optimizer, Optimizer::None).then_some(built);
 
     let start = Instant::now();
     let outcome = match &settings.optimizer {
@@ -225,7 +246,10 @@ pub fn optimize_by(
         Optimizer::None => untouched(&initial, observe),
     };
     let optimize_s = start.elapsed().as_secs_f64();
-    let (mut best, quality) = hand_out(&tree, scene, device, "optimiser")?;
+    let (mut best, quality) = match built {
+        Some(built) => (built, initial),
+        None => hand_out(&tree, scene, device, "optimiser")?,
+    };
     let mut adaptive = None;
     let mut collapse_timings = Vec::new();
     if let Some(settings) = settings.adaptive.as_ref().filter(|_| !plan.collapses) {
@@ -249,38 +273,6 @@ pub fn optimize_by(
         collapse_timings,
         plan,
     })
-}
-
-/// An initial tree.
-#[derive(Clone, Debug)]
-pub struct Built {
-    /// The tree; its boxes are those of the scene's triangles.
-    pub tree: Bvh,
-    /// Its quality, in f64.
-    pub quality: Quality,
-    /// Wall time, upload included, seconds.
-    pub build_s: f64,
-    /// Times of its stages.
-    pub timings: Vec<Timing>,
-}
-
-/// Builds the initial tree alone.
-///
-/// # Errors
-/// As [`optimize`].
-pub fn build_initial(scene: &Scene, device: &mut dyn Device, settings: &Settings) -> Result<Built, PipelineError> {
-    settings.initial.check()?;
-    // The initial tree alone is checked and made.
-    let settings = Settings { optimizer: Optimizer::None, adaptive: None, ..settings.clone() };
-    let plan = Plan::of(scene, device.info(), &settings, &[])?;
-    plan.check(device.info())?;
-    let working = on_host(device, || SafeRange::of(&scene.triangles).apply(&scene.triangles));
-    let start = Instant::now();
-    let (tree, timings) = initial_tree(scene, &working, device, (&settings.initial, plan.codes))?;
-    let build_s = start.elapsed().as_secs_f64();
-    let (handed_out, quality) = hand_out(&tree, scene, device, "builder")?;
-    tree.free(device);
-    Ok(Built { tree: handed_out, quality, build_s, timings })
 }
 
 /// Runs RBVH on the device's tree.

@@ -1,5 +1,6 @@
 //! The shared scenes, where they are there.
 
+use prbvh::scene::{self, Scene};
 use std::path::{Path, PathBuf};
 
 /// Folder of real scenes: `PRBVH_SCENES`, else `../shared/scenes` beside the checkout.
@@ -24,4 +25,14 @@ pub fn shared() -> Vec<PathBuf> {
         .collect();
     files.sort();
     files.into_iter().map(|(_, path)| path).collect()
+}
+
+/// The shared scenes whose file name contains `part`, one after another.
+///
+/// # Panics
+/// At a file that is no scene.
+pub fn loaded(part: &str) -> impl Iterator<Item = Scene> {
+    let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let named = shared().into_iter().filter(move |path| name(path).contains(part));
+    named.map(|path| scene::load(&path).unwrap_or_else(|error| panic!("{error}")))
 }

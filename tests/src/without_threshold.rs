@@ -1,6 +1,6 @@
 //! A device whose search takes any move that float32 calls a decrease: what the optimiser would be without its relative threshold.
 
-use prbvh::device::{Buffer, Command, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
+use prbvh::device::{self, Buffer, Command, Device, DeviceError, Recording, Timing};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::node::{Links, Node, ROOT};
 use prbvh_kernel::prbvh::{PrbvhParams, Reinsertion};
@@ -14,25 +14,13 @@ impl std::fmt::Debug for WithoutThreshold {
     }
 }
 
-impl Device for WithoutThreshold {
-    fn info(&self) -> &DeviceInfo {
-        self.0.info()
+impl device::Layer for WithoutThreshold {
+    fn inner(&self) -> &dyn Device {
+        &*self.0
     }
 
-    fn allocate(&mut self, label: &'static str, length: usize, element_bytes: usize) -> Result<Buffer, DeviceError> {
-        self.0.allocate(label, length, element_bytes)
-    }
-
-    fn free(&mut self, buffer: Buffer) {
-        self.0.free(buffer);
-    }
-
-    fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
-        self.0.upload(buffer, bytes)
-    }
-
-    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
-        self.0.download(buffer, bytes)
+    fn inner_mut(&mut self) -> &mut dyn Device {
+        &mut *self.0
     }
 
     fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
@@ -59,10 +47,6 @@ impl Device for WithoutThreshold {
             }
         }
         Ok(timings)
-    }
-
-    fn memory(&self) -> MemoryUse {
-        self.0.memory()
     }
 }
 

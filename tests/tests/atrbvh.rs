@@ -3,7 +3,7 @@
 use prbvh::build::{DeviceTree, MortonBits, Pass, TreeletSize, atrbvh, lbvh, ploc, restructure, sah_sweep};
 use prbvh::bvh::{Bvh, quality, tree_hash, validate};
 use prbvh::device::cpu::CpuDevice;
-use prbvh::device::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
+use prbvh::device::{self, Buffer, Device, DeviceError};
 use prbvh::scene::{built_in, load};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
@@ -370,31 +370,21 @@ fn links_that_are_no_tree_are_refused() {
 /// A device that says it ended the work on a treelet early.
 struct Hasty(CpuDevice);
 
-impl Device for Hasty {
-    fn info(&self) -> &DeviceInfo {
-        self.0.info()
+impl device::Layer for Hasty {
+    fn inner(&self) -> &dyn Device {
+        &self.0
     }
-    fn allocate(&mut self, label: &'static str, length: usize, element_bytes: usize) -> Result<Buffer, DeviceError> {
-        self.0.allocate(label, length, element_bytes)
+
+    fn inner_mut(&mut self) -> &mut dyn Device {
+        &mut self.0
     }
-    fn free(&mut self, buffer: Buffer) {
-        self.0.free(buffer);
-    }
-    fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
-        self.0.upload(buffer, bytes)
-    }
+
     fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
         self.0.download(buffer, bytes)?;
         if buffer.label == "report" {
             bytes[4 * FAULTS..][..4].copy_from_slice(&FAULT_TREELET.to_ne_bytes());
         }
         Ok(())
-    }
-    fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
-        self.0.run(recording)
-    }
-    fn memory(&self) -> MemoryUse {
-        self.0.memory()
     }
 }
 

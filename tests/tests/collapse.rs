@@ -3,7 +3,7 @@
 use prbvh::build::{DeviceTree, MortonBits, lbvh};
 use prbvh::bvh::{Bvh, Content, SahModel, quality, tree_hash, validate};
 use prbvh::collapse::{CollapseError, CollapseSettings, collapse};
-use prbvh::optimize::{PrbvhSettings, prbvh};
+use prbvh::optimize::{Limits, PrbvhSettings, prbvh};
 use prbvh::scene::{SafeRange, built_in};
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::node::Node;
@@ -132,7 +132,7 @@ fn random_trees_collapse_as_the_recursion_says() {
 fn optimised(triangles: &[Triangle]) -> Vec<Node> {
     let mut device = prbvh::device::cpu::CpuDevice::new(2).unwrap();
     let (tree, _) = lbvh(&mut device, triangles, MortonBits::Sixty).unwrap();
-    let settings = PrbvhSettings { max_iterations: 5, ..PrbvhSettings::default() };
+    let settings = PrbvhSettings { limits: Limits::iterations(5), ..PrbvhSettings::default() };
     prbvh(&mut device, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(())).unwrap();
     tree.download(&mut device).unwrap()
 }
@@ -241,7 +241,7 @@ fn the_comparison_would_find_another_tree() {
 #[test]
 fn the_pipeline_hands_out_both_qualities() {
     let scene = built_in(3000);
-    let prbvh = PrbvhSettings { max_iterations: 10, ..PrbvhSettings::default() };
+    let prbvh = PrbvhSettings { limits: Limits::iterations(10), ..PrbvhSettings::default() };
     let run = |adaptive| {
         let mut device = prbvh::device::cpu::CpuDevice::new(2).unwrap();
         let settings = prbvh::pipeline::Settings { prbvh: prbvh.clone(), adaptive, ..Default::default() };

@@ -2,7 +2,7 @@
 
 use prbvh::compare::{CompareSettings, MethodSettings, RaySettings, compare as compare_scenes, jobs};
 use prbvh::device::cpu::CpuDevice;
-use prbvh::device::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
+use prbvh::device::{self, Buffer, Device, DeviceError};
 use prbvh::scene::built_in;
 use prbvh_tests::command::{Ended, run, start};
 use prbvh_tests::devices::without_vulkan;
@@ -192,37 +192,21 @@ struct Refuses {
     label: &'static str,
 }
 
-impl Device for Refuses {
-    fn info(&self) -> &DeviceInfo {
-        self.device.info()
+impl device::Layer for Refuses {
+    fn inner(&self) -> &dyn Device {
+        &self.device
+    }
+
+    fn inner_mut(&mut self) -> &mut dyn Device {
+        &mut self.device
     }
 
     fn allocate(&mut self, label: &'static str, length: usize, bytes: usize) -> Result<Buffer, DeviceError> {
         if label == self.label {
-            let device = self.info().name.clone();
+            let device = self.device.info().name.clone();
             return Err(DeviceError::OutOfMemory { what: label.to_owned(), bytes: (length * bytes) as u64, device });
         }
         self.device.allocate(label, length, bytes)
-    }
-
-    fn free(&mut self, buffer: Buffer) {
-        self.device.free(buffer);
-    }
-
-    fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
-        self.device.upload(buffer, bytes)
-    }
-
-    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
-        self.device.download(buffer, bytes)
-    }
-
-    fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
-        self.device.run(recording)
-    }
-
-    fn memory(&self) -> MemoryUse {
-        self.device.memory()
     }
 }
 

@@ -3,7 +3,7 @@
 use prbvh::build::check_limits;
 use prbvh::collapse::CollapseSettings;
 use prbvh::device::cpu::CpuDevice;
-use prbvh::device::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
+use prbvh::device::{self, Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
 use prbvh::optimize::{PrbvhSettings, Strategy};
 use prbvh::pipeline::{Optimizer, PipelineError, Settings, optimize};
 use prbvh::plan::Plan;
@@ -122,7 +122,15 @@ struct Strict {
     info: DeviceInfo,
 }
 
-impl Device for Strict {
+impl device::Layer for Strict {
+    fn inner(&self) -> &dyn Device {
+        &self.device
+    }
+
+    fn inner_mut(&mut self) -> &mut dyn Device {
+        &mut self.device
+    }
+
     fn info(&self) -> &DeviceInfo {
         &self.info
     }
@@ -134,26 +142,6 @@ impl Device for Strict {
         assert!(all <= counted, "{all} bytes with {label}, of {counted}");
         Ok(buffer)
     }
-
-    fn free(&mut self, buffer: Buffer) {
-        self.device.free(buffer);
-    }
-
-    fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
-        self.device.upload(buffer, bytes)
-    }
-
-    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
-        self.device.download(buffer, bytes)
-    }
-
-    fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
-        self.device.run(recording)
-    }
-
-    fn memory(&self) -> MemoryUse {
-        self.device.memory()
-    }
 }
 
 #[test]
@@ -163,7 +151,7 @@ fn a_scene_that_just_fits_stays_within_the_limits() {
         for strategy in [Strategy::Aggressive, Strategy::Conservative] {
             for adaptive in [None, Some(CollapseSettings::default())] {
                 let mut settings = Settings { adaptive, ..Settings::default() };
-                settings.prbvh.max_iterations = 2;
+                settings.prbvh.limits.max_iterations = 2;
                 settings.prbvh.strategy = strategy;
                 let info = limited(2 * n as u64 * size_of::<Node>() as u64, most_memory(&scene, &settings));
                 let mut device = Strict { device: CpuDevice::new(1).unwrap(), info };

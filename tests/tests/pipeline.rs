@@ -3,7 +3,7 @@
 use prbvh::build::{MortonBits, lbvh};
 use prbvh::bvh::{Bvh, quality, tree_hash, validate};
 use prbvh::device::Device;
-use prbvh::optimize::{Epsilon, IterationRow, PrbvhSettings, StopReason, Strategy, prbvh};
+use prbvh::optimize::{Epsilon, IterationRow, Limits, PrbvhSettings, StopReason, Strategy, prbvh};
 use prbvh::pipeline::{Settings, optimize};
 use prbvh::scene::{SafeRange, Scene, built_in};
 use prbvh_kernel::setup::Triangle;
@@ -85,7 +85,7 @@ fn the_built_in_scene_is_the_same_everywhere_after_every_iteration() {
 fn other_settings_are_the_same_everywhere() {
     let scene = Scene::from_triangles("soup", soup(1500, 0.2, 1)).unwrap();
     for mu in [1, 4, 5000] {
-        let settings = PrbvhSettings { mu, max_iterations: 12, ..PrbvhSettings::default() };
+        let settings = PrbvhSettings { mu, limits: Limits::iterations(12), ..PrbvhSettings::default() };
         same_everywhere(&scene, MortonBits::Thirty, &settings);
     }
 }
@@ -114,7 +114,7 @@ fn the_conservative_strategy_falls_as_predicted_and_is_the_same_everywhere() {
     for (name, triangles) in scenes {
         let scene = Scene::from_triangles(name, triangles).unwrap();
         for mu in [1, 9] {
-            let settings = PrbvhSettings { mu, max_iterations: 40, ..conservative.clone() };
+            let settings = PrbvhSettings { mu, limits: Limits::iterations(40), ..conservative.clone() };
             same_everywhere(&scene, MortonBits::Sixty, &settings);
         }
     }
@@ -161,10 +161,10 @@ fn a_cancelled_run_keeps_the_best_tree_so_far() {
 fn limits_end_a_run() {
     let scene = built_in(5000);
     let mut settings = Settings::default();
-    settings.prbvh.max_iterations = 2;
+    settings.prbvh.limits.max_iterations = 2;
     let result = run(&scene, &settings, u32::MAX);
     assert_eq!((result.outcome.stop, result.outcome.rows.len()), (StopReason::MaxIterations, 3));
-    settings.prbvh.max_time = Some(std::time::Duration::ZERO);
+    settings.prbvh.limits.max_time = Some(std::time::Duration::ZERO);
     let result = run(&scene, &settings, u32::MAX);
     assert_eq!((result.outcome.stop, result.outcome.rows.len()), (StopReason::MaxTime, 1));
     assert_eq!(result.quality, result.initial);

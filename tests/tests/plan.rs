@@ -4,7 +4,7 @@ use prbvh::build::{CodeCensus, Codes, DEFAULT_RADIUS, MortonBits, TreeletSize, a
 use prbvh::collapse::CollapseSettings;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{Device, DeviceInfo};
-use prbvh::optimize::{PrbvhSettings, Strategy};
+use prbvh::optimize::{Limits, PrbvhSettings, Strategy};
 use prbvh::pipeline::{Initial, Settings, optimize, optimize_by};
 use prbvh::plan::{Omission, Plan, Status};
 use prbvh::scene::Scene;
@@ -117,7 +117,7 @@ fn a_bit_too_few_makes_another_tree() {
 
 fn settings(max_leaf: Option<u32>) -> Settings {
     let adaptive = CollapseSettings { max_leaf, ..CollapseSettings::default() };
-    let prbvh = PrbvhSettings { max_iterations: 5, ..PrbvhSettings::default() };
+    let prbvh = PrbvhSettings { limits: Limits::iterations(5), ..PrbvhSettings::default() };
     Settings { adaptive: Some(adaptive), prbvh, ..Settings::default() }
 }
 
@@ -167,7 +167,7 @@ fn a_run_takes_the_memory_that_its_plan_says() {
         let scene = Scene::from_triangles("soup", soup(n, 0.1, 6)).unwrap();
         for strategy in [Strategy::Aggressive, Strategy::Conservative] {
             for adaptive in [None, Some(CollapseSettings { max_leaf: Some(2), ..CollapseSettings::default() })] {
-                let prbvh = PrbvhSettings { strategy, max_iterations: 2, ..PrbvhSettings::default() };
+                let prbvh = PrbvhSettings { strategy, limits: Limits::iterations(2), ..PrbvhSettings::default() };
                 let settings = Settings { initial: initial.clone(), prbvh, adaptive, ..Settings::default() };
                 let mut device = CpuDevice::new(2).unwrap();
                 let result = optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();

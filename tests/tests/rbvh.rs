@@ -3,8 +3,8 @@
 use prbvh::build::sah_binned;
 use prbvh::bvh::{Bvh, SahModel, TreeFault, quality, tree_hash, validate};
 use prbvh::device::cpu::CpuDevice;
-use prbvh::device::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
-use prbvh::optimize::{IterationRow, Outcome, RbvhSettings, StopReason, rbvh};
+use prbvh::device::{self, Device};
+use prbvh::optimize::{IterationRow, Limits, Outcome, RbvhSettings, StopReason, rbvh};
 use prbvh::pipeline::{Initial, Optimizer, Settings, optimize};
 use prbvh::scene::{SafeRange, Scene, built_in};
 use prbvh_kernel::node::Node;
@@ -68,7 +68,7 @@ proptest! {
     #[test]
     fn every_batch_leaves_a_tree_with_the_cost_that_it_says(n in 1usize..200, seed: u64, undo: bool, size in 0.01f32..1.0) {
         let triangles = working(&soup(n, size, seed));
-        let settings = RbvhSettings { undo, seed, max_iterations: 60, ..RbvhSettings::default() };
+        let settings = RbvhSettings { undo, seed, limits: Limits::iterations(60), ..RbvhSettings::default() };
         let mut nodes = chain(&triangles);
         let before = cost(&nodes);
         checked(&mut nodes, &triangles, &settings);
@@ -97,7 +97,8 @@ fn degenerate_scenes_end() {
     for triangles in scenes.iter().chain(&[1, 2, 3, 4, 5].map(|n| soup(n, 0.3, 7))) {
         let triangles = working(triangles);
         for undo in [true, false] {
-            let settings = RbvhSettings { undo, epsilon: 0.0, max_iterations: 3000, ..RbvhSettings::default() };
+            let settings =
+                RbvhSettings { undo, epsilon: 0.0, limits: Limits::iterations(3000), ..RbvhSettings::default() };
             let outcome = checked(&mut chain(&triangles), &triangles, &settings);
             assert!(outcome.stop == StopReason::Converged || !undo, "{:?}", outcome.stop);
         }
@@ -180,28 +181,15 @@ fn the_pipeline_runs_any_optimizer_and_says_the_true_cost() {
 /// A CPU device that counts what the host does through it.
 struct Counting(CpuDevice, AtomicU32);
 
-impl Device for Counting {
-    fn info(&self) -> &DeviceInfo {
-        self.0.info()
+impl device::Layer for Counting {
+    fn inner(&self) -> &dyn Device {
+        &self.0
     }
-    fn allocate(&mut self, label: &'static str, length: usize, element_bytes: usize) -> Result<Buffer, DeviceError> {
-        self.0.allocate(label, length, element_bytes)
+
+    fn inner_mut(&mut self) -> &mut dyn Device {
+        &mut self.0
     }
-    fn free(&mut self, buffer: Buffer) {
-        self.0.free(buffer);
-    }
-    fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
-        self.0.upload(buffer, bytes)
-    }
-    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
-        self.0.download(buffer, bytes)
-    }
-    fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
-        self.0.run(recording)
-    }
-    fn memory(&self) -> MemoryUse {
-        self.0.memory()
-    }
+
     fn run_on_host(&self, work: &mut (dyn FnMut() + Send)) {
         self.1.fetch_add(1, Ordering::Relaxed);
         self.0.run_on_host(work);

@@ -5,7 +5,7 @@ use prbvh::bvh::Bvh;
 use prbvh::collapse::{CollapseSettings, collapse};
 use prbvh::device::Device;
 use prbvh::device::cpu::CpuDevice;
-use prbvh::optimize::{PrbvhSettings, prbvh};
+use prbvh::optimize::{Limits, PrbvhSettings, prbvh};
 use prbvh::scene::{SafeRange, built_in};
 use prbvh::trace::{Hit, NO_TRIANGLE, Query, Ray, SOME_TRIANGLE, TraceError, TraceRange, TraceScene, trace};
 use prbvh_kernel::aabb::Aabb;
@@ -46,7 +46,7 @@ fn trees(triangles: &[Triangle]) -> Vec<(&'static str, Bvh)> {
     let hand_out =
         |tree: &DeviceTree, device: &mut CpuDevice| Bvh::from_device(&tree.download(device).unwrap()).unwrap();
     let first = hand_out(&tree, &mut device);
-    let settings = PrbvhSettings { max_iterations: 10, ..PrbvhSettings::default() };
+    let settings = PrbvhSettings { limits: Limits::iterations(10), ..PrbvhSettings::default() };
     prbvh(&mut device, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(())).unwrap();
     let better = hand_out(&tree, &mut device);
     let adaptive = collapse(&mut device, &tree, &CollapseSettings::default()).unwrap().free(&mut device);

@@ -146,9 +146,8 @@ impl OptimizeArgs {
             (Some(part), None) => Epsilon::Relative(part),
             (None, None) => defaults.epsilon,
         };
-        let max_time = self.max_time.map(|seconds| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX));
-        let settings = Settings {
-            optimizer: self.optimizer.settings(self, max_time)?,
+        let asked = Settings {
+            optimizer: self.optimizer.settings(self)?,
             initial: self.initial()?,
             morton_bits: match self.morton_bits {
                 MortonBitsArg::Thirty => MortonBits::Thirty,
@@ -165,16 +164,18 @@ impl OptimizeArgs {
                 },
                 mu: self.mu.unwrap_or(defaults.mu),
                 epsilon,
-                max_iterations: self.max_iterations.unwrap_or(defaults.max_iterations),
-                max_time,
                 ..defaults
             },
             adaptive: self.leaves.settings(),
         };
-        Ok(match self.preset {
-            Some(preset) => preset.apply(settings, self.max_iterations),
-            None => settings,
-        })
+        let mut settings = match self.preset {
+            Some(preset) => preset.apply(asked),
+            None => asked,
+        };
+        let limits = settings.limits_mut();
+        limits.max_iterations = self.max_iterations.unwrap_or(limits.max_iterations);
+        limits.max_time = self.max_time.map(|seconds| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX));
+        Ok(settings)
     }
 
     fn initial(&self) -> anyhow::Result<Initial> {
@@ -277,17 +278,19 @@ pub(super) fn threads(text: &str) -> Result<usize, String> {
     }
 }
 
+/// What `prbvh optimize` with these arguments does, for tests.
+#[cfg(test)]
+pub(super) fn settings(arguments: &str) -> Result<Settings, String> {
+    let arguments = ["prbvh", "optimize"].into_iter().chain(arguments.split_whitespace());
+    let cli = Cli::try_parse_from(arguments).map_err(|error| error.to_string())?;
+    let Some(Command::Optimize(args)) = cli.command else { panic!("`optimize` was said") };
+    args.settings().map_err(|error| error.to_string())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use prbvh::optimize::RbvhSettings;
-
-    fn settings(arguments: &str) -> Result<Settings, String> {
-        let arguments = ["prbvh", "optimize"].into_iter().chain(arguments.split_whitespace());
-        let cli = Cli::try_parse_from(arguments).map_err(|error| error.to_string())?;
-        let Some(Command::Optimize(args)) = cli.command else { panic!("`optimize` was said") };
-        args.settings().map_err(|error| error.to_string())
-    }
 
     #[test]
     fn an_initial_tree_has_a_name_or_a_file() {
@@ -341,7 +344,7 @@ mod tests {
             assert!(help.contains(&format!("[default: {default}]")), "{help}");
         }
         let (prbvh, rbvh) = (PrbvhSettings::default(), RbvhSettings::default());
-        let most = format!("[default: {}; RBVH: {}]", prbvh.max_iterations, rbvh.max_iterations);
+        let most = format!("[default: {}; RBVH: {}]", prbvh.limits.max_iterations, rbvh.limits.max_iterations);
         assert!(help.contains(&most), "{help}");
     }
 }

@@ -8,7 +8,7 @@ use anyhow::Context;
 use clap::ValueEnum;
 use prbvh::bvh::{self, SahModel};
 use prbvh::device::{self, Device};
-use prbvh::optimize::{Epsilon, IterationRow, StopReason};
+use prbvh::optimize::{Epsilon, IterationRow, Limits, StopReason};
 use prbvh::pipeline::{self, Initial, Optimized, Optimizer, Settings};
 use prbvh::reference::{ReferenceCost, ReferenceCosts};
 use prbvh::report::{self, Machine, Memory, PhaseTimes, Program, QualityReport, RunReport, SceneReport};
@@ -32,7 +32,7 @@ pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
     }
     tracing::info!("{}: {} triangles, on {}", scene.name, scene.triangles.len(), device.info().name);
 
-    let bar = log.bar(max_iterations(&settings).unwrap_or(0));
+    let bar = log.bar(limits(&settings).map_or(0, |limits| limits.max_iterations));
     let result = pipeline::optimize(&scene, &mut *device, &settings, &mut |row| {
         bar.set_position(u64::from(row.iteration));
         bar.set_message(format!("cost {:.3}", row.cost));
@@ -148,9 +148,9 @@ fn report(
             mu: settings.prbvh.mu,
             epsilon,
             epsilon_relative,
-            max_iterations: max_iterations(settings),
+            max_iterations: limits(settings).map(|limits| limits.max_iterations),
             max_time_s: args.max_time,
-            target_cost: target_cost(settings),
+            target_cost: limits(settings).and_then(|limits| limits.target_cost),
             preset: args.preset.map(value_name),
             threads: u32::try_from(args.threads).ok().filter(|&threads| threads > 0),
             sah: SahModel::default(),
@@ -170,20 +170,9 @@ fn report(
     }
 }
 
-fn target_cost(settings: &Settings) -> Option<f64> {
-    match &settings.optimizer {
-        Optimizer::Prbvh => settings.prbvh.target_cost,
-        Optimizer::Rbvh(settings) => settings.target_cost,
-        Optimizer::None => None,
-    }
-}
-
-fn max_iterations(settings: &Settings) -> Option<u32> {
-    match &settings.optimizer {
-        Optimizer::Prbvh => Some(settings.prbvh.max_iterations),
-        Optimizer::Rbvh(settings) => Some(settings.max_iterations),
-        Optimizer::None => None,
-    }
+/// None without an optimiser.
+fn limits(settings: &Settings) -> Option<&Limits> {
+    (settings.optimizer != Optimizer::None).then(|| settings.limits())
 }
 
 fn value_name<T: ValueEnum>(value: T) -> String {

@@ -4,7 +4,6 @@ use super::args::OptimizeArgs;
 use clap::{Args, ValueEnum};
 use prbvh::optimize::RbvhSettings;
 use prbvh::pipeline::Optimizer;
-use std::time::Duration;
 
 /// The optimiser, and what RBVH alone needs.
 #[derive(Clone, Debug, Args)]
@@ -33,15 +32,13 @@ impl OptimizerArgs {
     ///
     /// # Errors
     /// If a setting is for another one.
-    pub(super) fn settings(&self, args: &OptimizeArgs, max_time: Option<Duration>) -> anyhow::Result<Optimizer> {
+    pub(super) fn settings(&self, args: &OptimizeArgs) -> anyhow::Result<Optimizer> {
         let defaults = RbvhSettings::default();
         let chosen = match self.optimizer {
             OptimizerArg::Prbvh => Optimizer::Prbvh,
             OptimizerArg::None => Optimizer::None,
             OptimizerArg::Rbvh => Optimizer::Rbvh(RbvhSettings {
                 batch: self.batch.unwrap_or(defaults.batch),
-                max_iterations: args.max_iterations.unwrap_or(defaults.max_iterations),
-                max_time,
                 seed: self.seed.unwrap_or(defaults.seed),
                 ..defaults
             }),
@@ -73,18 +70,14 @@ fn part(text: &str) -> Result<f64, String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::args::{Cli, Command};
+    use super::super::args::settings;
     use super::*;
-    use clap::Parser;
+    use prbvh::optimize::Limits;
+    use std::time::Duration;
 
     #[test]
     fn an_optimizer_takes_its_own_settings_only() {
-        let optimizer = |arguments: &str| {
-            let arguments = ["prbvh", "optimize"].into_iter().chain(arguments.split_whitespace());
-            let cli = Cli::try_parse_from(arguments).map_err(|error| error.to_string())?;
-            let Some(Command::Optimize(args)) = cli.command else { panic!("`optimize` was said") };
-            args.settings().map(|settings| settings.optimizer).map_err(|error| error.to_string())
-        };
+        let optimizer = |arguments: &str| settings(arguments).map(|settings| settings.optimizer);
         assert_eq!(optimizer(""), Ok(Optimizer::Prbvh));
         assert_eq!(optimizer("--optimizer prbvh --mu 4 --epsilon 0"), Ok(Optimizer::Prbvh));
         assert_eq!(optimizer("--optimizer none"), Ok(Optimizer::None));
@@ -92,8 +85,7 @@ mod tests {
         let expected = RbvhSettings {
             batch: 0.5,
             seed: 7,
-            max_iterations: 3,
-            max_time: Some(Duration::from_secs(2)),
+            limits: Limits { max_time: Some(Duration::from_secs(2)), ..Limits::iterations(3) },
             ..RbvhSettings::default()
         };
         let arguments = "--optimizer rbvh --batch 0.5 --seed 7 --max-iterations 3 --max-time 2";

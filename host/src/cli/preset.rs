@@ -1,8 +1,7 @@
 //! `--preset`: the settings that [`prbvh::presets`] has for it.
 
 use clap::ValueEnum;
-use prbvh::optimize::{PrbvhSettings, RbvhSettings};
-use prbvh::pipeline::{Optimizer, Settings};
+use prbvh::pipeline::Settings;
 use prbvh::presets::Preset;
 
 /// Arguments whose settings a preset has: beside it they are refused. Limits, targets and leaves may stand beside it.
@@ -20,9 +19,8 @@ pub(super) enum PresetArg {
 }
 
 impl PresetArg {
-    /// `asked` with the preset's initial tree and optimiser, and its own limits. Without `max_iterations` the limit is that of the
-    /// preset's optimiser.
-    pub(super) fn apply(self, asked: Settings, max_iterations: Option<u32>) -> Settings {
+    /// `asked` with the preset's initial tree and optimiser, and its limits.
+    pub(super) fn apply(self, asked: Settings) -> Settings {
         let preset = match self {
             Self::Fast => Preset::Fast,
             Self::Balanced => Preset::Balanced,
@@ -30,33 +28,16 @@ impl PresetArg {
         };
         let Some(candidate) = preset.candidate() else { return asked };
         let chosen = candidate.settings();
-        let max_time = asked.prbvh.max_time;
-        let optimizer = match chosen.optimizer {
-            Optimizer::Rbvh(settings) => {
-                let max_iterations = max_iterations.unwrap_or(settings.max_iterations);
-                Optimizer::Rbvh(RbvhSettings { max_iterations, max_time, ..settings })
-            }
-            other => other,
-        };
-        let max_iterations = max_iterations.unwrap_or(chosen.prbvh.max_iterations);
-        let prbvh = PrbvhSettings { max_iterations, max_time, ..chosen.prbvh };
-        Settings { initial: chosen.initial, optimizer, prbvh, ..asked }
+        Settings { initial: chosen.initial, optimizer: chosen.optimizer, prbvh: chosen.prbvh, ..asked }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::args::{Cli, Command};
+    use super::super::args::settings;
     use super::*;
-    use clap::Parser;
+    use prbvh::pipeline::Optimizer;
     use std::time::Duration;
-
-    fn settings(arguments: &str) -> Result<Settings, String> {
-        let arguments = ["prbvh", "optimize"].into_iter().chain(arguments.split_whitespace());
-        let cli = Cli::try_parse_from(arguments).map_err(|error| error.to_string())?;
-        let Some(Command::Optimize(args)) = cli.command else { panic!("`optimize` was said") };
-        args.settings().map_err(|error| error.to_string())
-    }
 
     #[test]
     fn a_preset_is_plain_settings() {
@@ -66,10 +47,10 @@ mod tests {
             let limited =
                 settings(&format!("--preset {name} --max-time 2 --max-iterations 7 --morton-bits 30")).unwrap();
             let limits = match &limited.optimizer {
-                Optimizer::Rbvh(settings) => (settings.max_time, settings.max_iterations),
-                Optimizer::Prbvh | Optimizer::None => (limited.prbvh.max_time, limited.prbvh.max_iterations),
+                Optimizer::Rbvh(settings) => settings.limits,
+                Optimizer::Prbvh | Optimizer::None => limited.prbvh.limits,
             };
-            assert_eq!(limits, (Some(Duration::from_secs(2)), 7), "{name}");
+            assert_eq!((limits.max_time, limits.max_iterations), (Some(Duration::from_secs(2)), 7), "{name}");
             assert_eq!((&limited.initial, limited.prbvh.mu), (&expected.initial, expected.prbvh.mu));
             assert_ne!(limited.morton_bits, expected.morton_bits);
         }

@@ -22,7 +22,7 @@ pub(super) fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<ExitCode> {
         Some(path) => read_tree(path, &scene)?,
         None => {
             let settings = Settings { adaptive: args.leaves.settings(), ..Settings::default() };
-            let bar = log.bar(settings.prbvh.max_iterations);
+            let bar = log.bar(settings.prbvh.limits.max_iterations);
             let result = pipeline::optimize(&scene, &mut *device, &settings, &mut |row| {
                 bar.set_position(u64::from(row.iteration));
                 if interrupt.pressed() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }

@@ -38,11 +38,11 @@ impl TargetArgs {
                 scene.hash
             ),
         };
-        match &mut settings.optimizer {
-            Optimizer::Prbvh => settings.prbvh.target_cost = Some(target),
-            Optimizer::Rbvh(settings) => settings.target_cost = Some(target),
-            Optimizer::None => anyhow::bail!("{argument} is for an optimiser, and there is none to stop"),
-        }
+        anyhow::ensure!(
+            settings.optimizer != Optimizer::None,
+            "{argument} is for an optimiser, and there is none to stop"
+        );
+        settings.limits_mut().target_cost = Some(target);
         Ok(())
     }
 }
@@ -71,8 +71,8 @@ mod tests {
             let applied = TargetArgs { target_cost, target_error }.apply(&mut settings, &scene, known);
             applied.map_err(|error| error.to_string())?;
             Ok::<_, String>(match settings.optimizer {
-                Optimizer::Rbvh(settings) => settings.target_cost,
-                Optimizer::Prbvh | Optimizer::None => settings.prbvh.target_cost,
+                Optimizer::Rbvh(settings) => settings.limits.target_cost,
+                Optimizer::Prbvh | Optimizer::None => settings.prbvh.limits.target_cost,
             })
         };
         let rbvh = || Optimizer::Rbvh(RbvhSettings::default());

@@ -6,13 +6,9 @@ use super::{AgainstRbvh, OptimizerRun};
 /// tree is in them. None if a run has no rows or its costs are no numbers.
 #[must_use]
 pub fn against_rbvh(prbvh: &OptimizerRun, rbvh: &OptimizerRun) -> Option<AgainstRbvh> {
-    let cost = lowest(prbvh)?.max(lowest(rbvh)?);
+    let cost = prbvh.lowest_cost()?.max(rbvh.lowest_cost()?);
     let (prbvh_s, rbvh_s) = (seconds_to(prbvh, cost)?, seconds_to(rbvh, cost)?);
     Some(AgainstRbvh { cost, rbvh_s, prbvh_s, speed_up: rbvh_s / prbvh_s })
-}
-
-fn lowest(run: &OptimizerRun) -> Option<f64> {
-    run.rows.iter().map(|row| row.cost).filter(|cost| cost.is_finite()).min_by(f64::total_cmp)
 }
 
 fn seconds_to(run: &OptimizerRun, cost: f64) -> Option<f64> {

@@ -169,6 +169,24 @@ pub struct OptimizerRun {
     pub phases: Vec<Phase>,
 }
 
+impl OptimizerRun {
+    /// The lowest cost of a row; none if there is none above 0.
+    #[must_use]
+    pub fn lowest_cost(&self) -> Option<f64> {
+        self.rows.iter().map(|row| row.cost).filter(|cost| is_cost(*cost)).min_by(f64::total_cmp)
+    }
+}
+
+/// Whether it is a number that a tree can cost.
+pub(super) fn is_cost(cost: f64) -> bool {
+    cost > 0.0 && cost.is_finite()
+}
+
+/// Method, and µ where it has one.
+pub(super) fn with_mu(method: &str, mu: Option<u32>) -> String {
+    mu.map_or_else(|| method.to_owned(), |mu| format!("{method} µ={mu}"))
+}
+
 /// The figure that a run was made for; every figure may use the runs of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

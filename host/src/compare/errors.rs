@@ -1,6 +1,7 @@
 //! Relative error against run time: how near a method comes to the lowest cost known, how soon, and which settings nothing beats.
 
-use super::{MethodRow, OptimizerRun, Purpose, SceneComparison};
+use super::data::{is_cost, with_mu};
+use super::{OptimizerRun, Purpose, SceneComparison};
 use crate::reference::ReferenceCost;
 use serde::{Deserialize, Serialize};
 
@@ -94,9 +95,9 @@ impl SceneErrors {
 impl Reference {
     fn of(scene: &SceneComparison, known: Option<&ReferenceCost>) -> Option<Self> {
         let rows = scene.rows.iter().filter(|row| row.status == "ok");
-        let rows = rows.filter_map(|row| Some((row.cost?, name_of(row))));
-        let of_run = |run: &OptimizerRun| (lowest(run), setting_name(run));
-        let here = rows.chain(scene.runs.iter().map(of_run)).filter(|(cost, _)| is_cost(*cost));
+        let rows = rows.filter_map(|row| Some((row.cost?, with_mu(&row.method, row.mu))));
+        let of_run = |run: &OptimizerRun| Some((run.lowest_cost()?, setting_name(run)));
+        let here = rows.chain(scene.runs.iter().filter_map(of_run)).filter(|(cost, _)| is_cost(*cost));
         let here = here.min_by(|a, b| a.0.total_cmp(&b.0));
         match (here, known) {
             (Some((cost, _)), Some(known)) if known.cost <= cost => Some(known.into()),
@@ -115,7 +116,7 @@ impl Reference {
 
     fn setting(&self, run: &OptimizerRun) -> Option<SettingErrors> {
         let wall_s = run.build_s + run.rows.last()?.time_s;
-        let error = self.error_of(lowest(run));
+        let error = self.error_of(run.lowest_cost()?);
         (wall_s.is_finite() && error.is_finite()).then(|| SettingErrors {
             method: setting_name(run),
             mu: run.mu,
@@ -140,18 +141,6 @@ impl From<&ReferenceCost> for Reference {
         let source = format!("{}, commit {}", known.method, known.commit);
         Self { reference_cost: known.cost, source, is_from_file: true }
     }
-}
-
-fn is_cost(cost: f64) -> bool {
-    cost > 0.0 && cost.is_finite()
-}
-
-fn lowest(run: &OptimizerRun) -> f64 {
-    run.rows.iter().map(|row| row.cost).filter(|cost| is_cost(*cost)).fold(f64::INFINITY, f64::min)
-}
-
-fn name_of(row: &MethodRow) -> String {
-    row.mu.map_or_else(|| row.method.clone(), |mu| format!("{} µ={mu}", row.method))
 }
 
 /// Method, with what is not as in the table. An optimiser of the table starts from LBVH, aggressively.
@@ -181,6 +170,7 @@ fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::MethodRow;
     use super::*;
     use crate::bvh::SahModel;
     use crate::optimize::IterationRow;

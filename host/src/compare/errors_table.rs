@@ -1,5 +1,6 @@
 //! The second table of a scene on the terminal: time to within 10 %, 5 %, 2 %, 1 % and 0.1 % of the lowest cost known.
 
+use super::data::with_mu;
 use super::fitted::{Fitted, fitted};
 use super::{LEVELS, SceneComparison, SettingErrors};
 use crate::report::format;
@@ -53,11 +54,10 @@ pub fn errors_table(scene: &SceneComparison, width: u16) -> Option<String> {
 
 /// Method and µ, and the device where that would be the name of several.
 fn name(setting: &SettingErrors, all: &[SettingErrors]) -> String {
-    let mu = if setting.mu > 0 { format!(" µ={}", setting.mu) } else { String::new() };
     let same = |other: &SettingErrors| (&other.method, other.mu) == (&setting.method, setting.mu);
     let twice = all.iter().any(|other| same(other) && other.device != setting.device);
     let device = if twice { format!(" on {}", format::shortened(&setting.device, 24)) } else { String::new() };
-    format!("{}{mu}{device}", setting.method)
+    format!("{}{device}", with_mu(&setting.method, (setting.mu > 0).then_some(setting.mu)))
 }
 
 fn short(level: f64) -> String {

@@ -41,7 +41,7 @@ pub(super) fn jobs(table: &[Job]) -> Vec<(Purpose, Job)> {
 
 fn settings(job: &Job) -> Option<&Settings> {
     match &job.builder {
-        Builder::Prbvh(settings) => Some(settings),
+        Builder::Pipeline(settings) => Some(settings),
         _ => None,
     }
 }

@@ -58,8 +58,7 @@ impl<'a> Subject<'a> {
         let is_cpu = device.info().kind == DeviceKind::Cpu;
         let threads = u32::try_from(if is_cpu { host.threads } else { 0 }).unwrap_or(u32::MAX);
         let mut made = match &job.builder {
-            Builder::Initial(settings) => self.initial(settings, device)?,
-            Builder::Prbvh(settings) => self.prbvh(settings, device)?,
+            Builder::Pipeline(settings) => self.by_pipeline(settings, device)?,
             Builder::Host { threads, build } => return self.on_host(job, threads.unwrap_or(host.threads), *build),
             Builder::Peer(peer) => return self.by_peer(job, peer, host),
         };
@@ -69,16 +68,7 @@ impl<'a> Subject<'a> {
         Ok(made)
     }
 
-    fn initial(&self, settings: &Settings, device: &mut dyn Device) -> Result<Made, MethodError> {
-        let mut meter = Meter::new(device);
-        let built = pipeline::build_initial(self.scene, &mut meter, settings)?;
-        let mut run = run_of_builder(&built.quality, built.build_s);
-        run.initial = settings.initial.to_string();
-        run.build_device_s = Some(seconds(&built.timings));
-        Ok(metered(&meter, built.tree, built.quality, built.build_s, run))
-    }
-
-    fn prbvh(&self, settings: &Settings, device: &mut dyn Device) -> Result<Made, MethodError> {
+    fn by_pipeline(&self, settings: &Settings, device: &mut dyn Device) -> Result<Made, MethodError> {
         let mut meter = Meter::new(device);
         let result = pipeline::optimize(self.scene, &mut meter, settings, &mut |_| ControlFlow::Continue(()))?;
         if let StopReason::Fault(_) = result.outcome.stop {

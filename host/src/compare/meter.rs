@@ -1,6 +1,6 @@
 //! A device that takes note of what a method needs of it.
 
-use crate::device::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
+use crate::device::{self, Buffer, Device, DeviceError, MemoryUse, Recording, Timing};
 
 /// Passes everything on to a device. Counts bytes and times from its own beginning, and gives back what a method that failed left there.
 pub(super) struct Meter<'a> {
@@ -34,9 +34,13 @@ impl Drop for Meter<'_> {
     }
 }
 
-impl Device for Meter<'_> {
-    fn info(&self) -> &DeviceInfo {
-        self.device.info()
+impl device::Layer for Meter<'_> {
+    fn inner(&self) -> &dyn Device {
+        self.device
+    }
+
+    fn inner_mut(&mut self) -> &mut dyn Device {
+        self.device
     }
 
     fn allocate(&mut self, label: &'static str, length: usize, element_bytes: usize) -> Result<Buffer, DeviceError> {
@@ -53,14 +57,6 @@ impl Device for Meter<'_> {
             self.memory.bytes -= buffer.bytes();
         }
         self.device.free(buffer);
-    }
-
-    fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
-        self.device.upload(buffer, bytes)
-    }
-
-    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
-        self.device.download(buffer, bytes)
     }
 
     fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {

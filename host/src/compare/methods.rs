@@ -30,10 +30,8 @@ pub struct Job {
 /// What makes a tree.
 #[derive(Clone, Debug)]
 pub(super) enum Builder {
-    /// The initial tree of the settings, on a device.
-    Initial(Settings),
-    /// The tree of the settings, optimised, on a device.
-    Prbvh(Settings),
+    /// The tree of the settings, on a device.
+    Pipeline(Settings),
     /// On the host alone, from triangles in the safe range.
     Host {
         /// Threads that it takes; none: as many as there are to be.
@@ -135,25 +133,22 @@ const METHODS: &[Entry] = &[
 ];
 
 fn initial(method: String, initial: Initial) -> Job {
-    Job { method, mu: None, builder: Builder::Initial(Settings { initial, ..Settings::default() }) }
+    let settings = Settings { initial, optimizer: Optimizer::None, ..Settings::default() };
+    Job { method, mu: None, builder: Builder::Pipeline(settings) }
 }
 
 /// PRBVH with `settings` but for its first µ.
 pub(super) fn prbvh(settings: Settings, mu: u32) -> Job {
     let prbvh = PrbvhSettings { mu, ..settings.prbvh.clone() };
-    Job { method: "prbvh".to_owned(), mu: Some(mu), builder: Builder::Prbvh(Settings { prbvh, ..settings }) }
+    Job { method: "prbvh".to_owned(), mu: Some(mu), builder: Builder::Pipeline(Settings { prbvh, ..settings }) }
 }
 
 /// A setting that presets are chosen from; none where this program was built without its initial tree.
 fn candidate(candidate: &Candidate) -> Option<Job> {
     let settings = candidate.settings();
     settings.initial.check().ok()?;
-    let builder = match settings.optimizer {
-        Optimizer::None => Builder::Initial(settings),
-        Optimizer::Prbvh | Optimizer::Rbvh(_) => Builder::Prbvh(settings),
-    };
     // µ is part of the name, with all else.
-    Some(Job { method: candidate.to_string(), mu: None, builder })
+    Some(Job { method: candidate.to_string(), mu: None, builder: Builder::Pipeline(settings) })
 }
 
 fn host(method: &str, build: fn(&[Triangle]) -> Result<HostBuilt, MethodError>) -> Job {

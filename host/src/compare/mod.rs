@@ -8,6 +8,7 @@ mod errors_table;
 mod figures;
 mod fitted;
 mod measure;
+mod median;
 mod meter;
 mod methods;
 pub mod peers;
@@ -24,6 +25,7 @@ pub use data::{
 pub use error::MethodError;
 pub use errors::{LEVELS, Reference, SceneErrors, SettingErrors, TimesToError};
 pub use errors_table::errors_table;
+pub use median::median;
 pub use methods::{Job, MethodSettings, NoSuchMethod, PAPER_RADIUS, jobs, method_names};
 pub use peers::PeerHost;
 pub use run::{CompareSettings, NOT_RUN, Step, compare};

@@ -161,16 +161,17 @@ pub(super) fn sees_nothing(traced: &Traced) -> bool {
 mod tests {
     use super::*;
     use crate::device::cpu::CpuDevice;
-    use crate::pipeline::{Initial, Settings, build_initial};
+    use crate::pipeline::{Initial, Optimizer, Settings, optimize};
     use crate::scene::built_in;
+    use std::ops::ControlFlow;
 
     const SMALL: RaySettings = RaySettings { width: 16, height: 8, samples: 1, bounces: 1, light_samples: 1, views: 3 };
 
     fn traced(initial: Initial, views: &mut Views) -> Traced {
         let scene = built_in(500);
         let mut device = CpuDevice::new(1).unwrap();
-        let settings = Settings { initial, ..Settings::default() };
-        let tree = build_initial(&scene, &mut device, &settings).unwrap().tree;
+        let settings = Settings { initial, optimizer: Optimizer::None, ..Settings::default() };
+        let tree = optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap().tree;
         views.trace(&mut device, &scene, &tree, (&SMALL, 1), Some("any")).unwrap()
     }
 

@@ -1,5 +1,6 @@
 //! All methods on all scenes.
 
+use super::data::with_mu;
 use super::error::in_a_line;
 use super::measure::{Host, Subject};
 use super::methods::Job;
@@ -199,8 +200,7 @@ impl Runner<'_> {
         why: &str,
         progress: &mut Progress<'_>,
     ) -> Option<Result<OptimizerRun, MethodRow>> {
-        let mu = job.mu.map_or_else(String::new, |mu| format!(" µ={mu}"));
-        let name = format!("{}{mu} on {}, {why}", job.method, device.info().name);
+        let name = format!("{} on {}, {why}", with_mu(&job.method, job.mu), device.info().name);
         if !progress.starts(&name) {
             return None;
         }

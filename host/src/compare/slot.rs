@@ -1,10 +1,11 @@
 //! A method on a device: its repetitions, and the rows that come of them.
 
+use super::data::with_mu;
 use super::error::in_a_line;
 use super::measure::{Host, Made, Subject};
 use super::methods::{Builder, Job};
 use super::rays::{Hits, Traced, Views, sees_nothing};
-use super::{MethodError, MethodRow, OptimizerRun, RayRates, RaySettings};
+use super::{MethodError, MethodRow, OptimizerRun, RayRates, RaySettings, median};
 use crate::bvh::{self, Quality, SahModel};
 use crate::device::Device;
 use crate::scene::Scene;
@@ -69,7 +70,7 @@ pub(super) fn slots(jobs: &[Job], devices: usize, is_traced: bool) -> Vec<Slot<'
             has_heat_map: device == 0 && (job.mu.is_some() || job.method == "lbvh") && shown(job),
         };
         match job.builder {
-            Builder::Initial(_) | Builder::Prbvh(_) => slots.extend((0..devices).map(|d| slot(d, vec![d]))),
+            Builder::Pipeline(_) => slots.extend((0..devices).map(|d| slot(d, vec![d]))),
             Builder::Host { .. } | Builder::Peer(_) if is_traced => slots.push(slot(0, (0..devices).collect())),
             Builder::Host { .. } | Builder::Peer(_) => slots.push(slot(0, vec![0])),
         }
@@ -80,12 +81,11 @@ pub(super) fn slots(jobs: &[Job], devices: usize, is_traced: bool) -> Vec<Slot<'
 impl Slot<'_> {
     /// Method, µ and device, for the log.
     pub(super) fn name(&self, devices: &[Box<dyn Device>]) -> String {
-        let mu = self.job.mu.map_or_else(String::new, |mu| format!(" µ={mu}"));
         let on = match self.job.builder {
-            Builder::Initial(_) | Builder::Prbvh(_) => format!(" on {}", devices[self.device].info().name),
+            Builder::Pipeline(_) => format!(" on {}", devices[self.device].info().name),
             Builder::Host { .. } | Builder::Peer(_) => String::new(),
         };
-        format!("{}{mu}{on}", self.job.method)
+        format!("{}{on}", with_mu(&self.job.method, self.job.mu))
     }
 
     pub(super) fn failed(&self) -> Option<&str> {
@@ -170,7 +170,7 @@ impl Slot<'_> {
     ) -> (Vec<MethodRow>, Option<OptimizerRun>) {
         let is_traced = self.traces.iter().any(|trace| trace.traced.is_some());
         let built_on = match self.job.builder {
-            Builder::Initial(_) | Builder::Prbvh(_) => devices[self.device].info().name.as_str(),
+            Builder::Pipeline(_) => devices[self.device].info().name.as_str(),
             Builder::Host { .. } => "cpu (host)",
             Builder::Peer(_) => "cpu (peer)",
         };
@@ -228,30 +228,5 @@ impl Trace {
             triangle_tests: Some(traced.tests[1]),
             ..row
         }
-    }
-}
-
-/// The middle value, the mean of the middle two; none without values.
-fn median(values: &[f64]) -> Option<f64> {
-    let mut values = values.to_vec();
-    values.sort_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    match values.len() {
-        0 => None,
-        n if n % 2 == 1 => Some(values[middle]),
-        _ => Some(0.5 * (values[middle - 1] + values[middle])),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn medians() {
-        assert_eq!(median(&[]), None);
-        assert_eq!(median(&[3.0]), Some(3.0));
-        assert_eq!(median(&[5.0, 1.0, 9.0]), Some(5.0));
-        assert_eq!(median(&[5.0, 1.0, 9.0, 6.0]), Some(5.5));
     }
 }

@@ -1,5 +1,6 @@
 //! The comparison of a scene on the terminal.
 
+use super::data::with_mu;
 use super::fitted::{Fitted, fitted};
 use super::{MethodRow, RayRates, SceneComparison};
 use crate::report::format;
@@ -117,7 +118,7 @@ pub fn notes(scene: &SceneComparison) -> Vec<Note> {
 
 /// Method and µ.
 fn name(row: &MethodRow) -> String {
-    row.mu.map_or_else(|| row.method.clone(), |mu| format!("{} µ={mu}", row.method))
+    with_mu(&row.method, row.mu)
 }
 
 /// The adaptive cost of PRBVH with the last µ, as the paper counts, divided by that of each other method.

@@ -1,12 +1,14 @@
 //! The optimisers: PRBVH iterations until nothing is gained, and sequential RBVH to compare with; the best tree is kept.
 
 mod descent;
+mod limits;
 mod moves;
 mod prbvh;
 mod rbvh;
 mod row;
 mod schedule;
 
+pub use limits::Limits;
 pub use moves::Strategy;
 pub use prbvh::{Outcome, prbvh};
 pub use rbvh::{RbvhSettings, RbvhTree, rbvh};

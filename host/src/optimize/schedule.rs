@@ -1,6 +1,6 @@
 //! When to search more nodes, and when to stop (Meister & Bittner 2018, §4.4).
 
-use super::{IterationRow, Strategy};
+use super::{IterationRow, Limits, Strategy};
 use serde::Serialize;
 use std::time::Duration;
 
@@ -46,12 +46,9 @@ pub struct PrbvhSettings {
     pub mu: u32,
     /// A smaller change of the cost ends the search with this `mu`.
     pub epsilon: Epsilon,
-    /// Most iterations.
-    pub max_iterations: u32,
-    /// No iteration starts after this wall time.
-    pub max_time: Option<Duration>,
-    /// No iteration starts on a tree of this cost or less; unitless, as [`IterationRow::cost`].
-    pub target_cost: Option<f64>,
+    /// What ends it early.
+    #[serde(flatten)]
+    pub limits: Limits,
     /// Iterations without a new best tree, by more than `epsilon`, that end the search with this `mu`: the published rule can cycle for
     /// ever.
     pub patience: u32,
@@ -64,9 +61,7 @@ impl Default for PrbvhSettings {
             strategy: Strategy::default(),
             mu: 9,
             epsilon: Epsilon::Relative(1e-4),
-            max_iterations: 1000,
-            max_time: None,
-            target_cost: None,
+            limits: Limits::iterations(1000),
             patience: 20,
         }
     }
@@ -111,9 +106,7 @@ impl std::fmt::Display for StopReason {
 pub(super) struct Schedule {
     epsilon: f64,
     patience: u32,
-    max_iterations: u32,
-    max_time: Option<Duration>,
-    target_cost: Option<f64>,
+    limits: Limits,
     mu: u32,
     cost: f64,
     best: f64,
@@ -129,9 +122,7 @@ impl Schedule {
         Self {
             epsilon,
             patience: settings.patience.max(1),
-            max_iterations: settings.max_iterations,
-            max_time: settings.max_time,
-            target_cost: settings.target_cost,
+            limits: settings.limits,
             mu: settings.mu.max(1),
             cost: initial_cost,
             best: initial_cost,
@@ -146,19 +137,10 @@ impl Schedule {
 
     /// Whether a limit forbids another iteration.
     pub(super) fn limit(&self, iterations: u32, elapsed: Duration) -> Option<StopReason> {
-        if self.is_at_target() {
-            Some(StopReason::Target)
-        } else if iterations >= self.max_iterations {
-            Some(StopReason::MaxIterations)
-        } else if self.max_time.is_some_and(|limit| elapsed >= limit) {
-            Some(StopReason::MaxTime)
-        } else {
-            None
+        if self.limits.is_target(self.cost) {
+            return Some(StopReason::Target);
         }
-    }
-
-    fn is_at_target(&self) -> bool {
-        self.target_cost.is_some_and(|target| self.cost <= target)
+        self.limits.used_up(iterations, elapsed)
     }
 
     /// Takes note of an iteration that is one of a fixed number.
@@ -171,7 +153,7 @@ impl Schedule {
     pub(super) fn note(&mut self, row: &IterationRow) -> Option<StopReason> {
         let change = (self.cost - row.cost).abs();
         self.cost = row.cost;
-        if self.is_at_target() {
+        if self.limits.is_target(self.cost) {
             return Some(StopReason::Target);
         }
         self.since_best += 1;
@@ -241,8 +223,10 @@ mod tests {
 
     #[test]
     fn limits_are_asked_before_an_iteration() {
-        let settings =
-            PrbvhSettings { max_iterations: 3, max_time: Some(Duration::from_secs(1)), ..PrbvhSettings::default() };
+        let settings = PrbvhSettings {
+            limits: Limits { max_time: Some(Duration::from_secs(1)), ..Limits::iterations(3) },
+            ..PrbvhSettings::default()
+        };
         let rule = Schedule::new(&settings, 1.0);
         assert_eq!(rule.limit(2, Duration::from_millis(999)), None);
         assert_eq!(rule.limit(3, Duration::ZERO), Some(StopReason::MaxIterations));
@@ -251,7 +235,11 @@ mod tests {
 
     #[test]
     fn the_target_ends_a_run_before_any_other_reason() {
-        let settings = PrbvhSettings { target_cost: Some(90.0), mu: 1, max_iterations: 1, ..PrbvhSettings::default() };
+        let settings = PrbvhSettings {
+            limits: Limits { target_cost: Some(90.0), ..Limits::iterations(1) },
+            mu: 1,
+            ..PrbvhSettings::default()
+        };
         let mut rule = Schedule::new(&settings, 100.0);
         assert_eq!(rule.limit(0, Duration::ZERO), None);
         assert_eq!(rule.note(&row(90.5, 1)), None);

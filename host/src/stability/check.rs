@@ -6,7 +6,7 @@ use super::subject::{RunError, Subject, working_nodes};
 use super::{Lane, Method, moves, rays};
 use crate::bvh::{self, Bvh, SahModel, quality, topology_hash, tree_hash};
 use crate::device::Device;
-use crate::optimize::{PrbvhSettings, StopReason};
+use crate::optimize::{Limits, PrbvhSettings, StopReason};
 use crate::pipeline::{Optimized, Optimizer, Settings};
 use prbvh_kernel::cost::COST_CHUNK;
 use prbvh_kernel::prbvh::search::MAX_STEPS;
@@ -171,7 +171,7 @@ impl Variants<'_> {
         let builder = Settings {
             initial: initial.clone(),
             morton_bits: *morton_bits,
-            prbvh: PrbvhSettings { max_iterations: 0, ..prbvh.clone() },
+            prbvh: PrbvhSettings { limits: Limits::iterations(0), ..prbvh.clone() },
             ..Settings::default()
         };
         let initial = self.subject.run(&self.ready.scene, &builder, device)?.tree;

@@ -4,7 +4,7 @@ use crate::build::DEFAULT_RADIUS;
 #[cfg(feature = "atrbvh")]
 use crate::build::TreeletSize;
 use crate::collapse::CollapseSettings;
-use crate::optimize::{PrbvhSettings, RbvhSettings, Strategy};
+use crate::optimize::{Limits, PrbvhSettings, RbvhSettings, Strategy};
 use crate::pipeline::{Initial, Optimizer, Settings};
 
 /// A way from triangles to a tree.
@@ -20,7 +20,7 @@ pub struct Method {
 
 impl Method {
     fn builder(name: &'static str, initial: Initial) -> Self {
-        let prbvh = PrbvhSettings { max_iterations: 0, ..PrbvhSettings::default() };
+        let prbvh = PrbvhSettings { limits: Limits::iterations(0), ..PrbvhSettings::default() };
         Self { name, settings: Settings { initial, prbvh, ..Settings::default() }, optimizes: false }
     }
 

@@ -64,12 +64,8 @@ fn main() {
     if arguments.triangles > 0 {
         measure(&scene::built_in(arguments.triangles), &arguments, &mut rows);
     }
-    for path in prbvh_tests::scenes::shared() {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if name.contains(&arguments.scenes) {
-            let scene = scene::load(&path).unwrap_or_else(|error| panic!("{error}"));
-            measure(&scene, &arguments, &mut rows);
-        }
+    for scene in prbvh_tests::scenes::loaded(&arguments.scenes) {
+        measure(&scene, &arguments, &mut rows);
     }
     if let Some(path) = &arguments.json {
         let json = serde_json::to_string_pretty(&rows).expect("rows are plain data");

@@ -4,6 +4,7 @@ use crate::rays;
 use prbvh::build::{self, DEFAULT_RADIUS, DeviceTree, MortonBits, TreeletSize};
 use prbvh::bvh::{self, Bvh, ROOT, SahModel, quality, tree_hash};
 use prbvh::collapse::{CollapseSettings, collapse};
+use prbvh::compare::median;
 use prbvh::device::{Device, Timing};
 use prbvh::scene::{SafeRange, Scene};
 use prbvh::trace::{Hit, Query, TraceScene, trace};
@@ -121,7 +122,7 @@ fn repeated(name: &str, items: usize, repetitions: usize, part: &mut dyn FnMut()
         wall.push(seconds);
         on_device.push(timings.iter().map(|timing| timing.seconds).sum());
     }
-    let (seconds, device_s) = (median(&mut wall), median(&mut on_device));
+    let (seconds, device_s) = (median(&wall).unwrap_or(f64::NAN), median(&on_device).unwrap_or(f64::NAN));
     Measured { part: name.to_owned(), seconds, device_s, items, cost, answer }
 }
 
@@ -145,10 +146,4 @@ fn summary(hits: &[Hit]) -> String {
         .iter()
         .fold(0xcbf2_9ce4_8422_2325u64, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3));
     format!("{found} hits, {hash:016x}")
-}
-
-/// The middle value; the upper one of two.
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }

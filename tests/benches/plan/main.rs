@@ -3,8 +3,9 @@
 use clap::Parser;
 use prbvh::bvh::tree_hash;
 use prbvh::collapse::CollapseSettings;
+use prbvh::compare::median;
 use prbvh::device::{self, Device, DeviceChoice};
-use prbvh::optimize::PrbvhSettings;
+use prbvh::optimize::{Limits, PrbvhSettings};
 use prbvh::pipeline::{Optimized, Settings, optimize_by};
 use prbvh::plan::{Omission, Plan};
 use prbvh::report::{Machine, Program};
@@ -56,18 +57,15 @@ fn main() {
     if arguments.triangles > 0 {
         measure(&scene::built_in(arguments.triangles), &mut *device, arguments.repeat);
     }
-    for path in prbvh_tests::scenes::shared() {
-        if path.file_name().unwrap_or_default().to_string_lossy().contains(&arguments.scenes) {
-            let scene = scene::load(&path).unwrap_or_else(|error| panic!("{error}"));
-            measure(&scene, &mut *device, arguments.repeat);
-        }
+    for scene in prbvh_tests::scenes::loaded(&arguments.scenes) {
+        measure(&scene, &mut *device, arguments.repeat);
     }
 }
 
 /// The initial tree, and its collapse to leaves of one triangle: all that the omissions are in.
 fn settings() -> Settings {
     let adaptive = CollapseSettings { max_leaf: Some(1), ..CollapseSettings::default() };
-    let prbvh = PrbvhSettings { max_iterations: 0, ..PrbvhSettings::default() };
+    let prbvh = PrbvhSettings { limits: Limits::iterations(0), ..PrbvhSettings::default() };
     Settings { adaptive: Some(adaptive), prbvh, ..Settings::default() }
 }
 
@@ -129,21 +127,16 @@ fn measure(scene: &Scene, device: &mut dyn Device, repetitions: usize) {
             println!("| {} | {} | {omission:?}: needed | | | | | | |", scene.name, scene.triangles.len());
             continue;
         }
-        let [with, without] = [median(&mut left_out.seconds), median(&mut kept.seconds)].map(|seconds| seconds * 1e3);
+        let [with, without] =
+            [&left_out.seconds, &kept.seconds].map(|seconds| median(seconds).unwrap_or(f64::NAN) * 1e3);
         println!(
             "| {} | {} | {omission:?} | {with:.3} | {without:.3} | {:.3} | {} | {:.3} | {} |",
             scene.name,
             scene.triangles.len(),
             without - with,
             kept.bytes() - left_out.bytes(),
-            median(&mut left_out.plan_seconds) * 1e3,
+            median(&left_out.plan_seconds).unwrap_or(f64::NAN) * 1e3,
             tree_hash(&left_out.last().tree)
         );
     }
-}
-
-/// The middle value; the upper one of two.
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }

@@ -63,12 +63,8 @@ fn main() {
         rows.push(measure(&scene::built_in(1 << exponent), &arguments));
     }
     let built_in = rows.len();
-    for path in prbvh_tests::scenes::shared() {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if name.contains(&arguments.scenes) {
-            let scene = scene::load(&path).unwrap_or_else(|error| panic!("{error}"));
-            rows.push(measure(&scene, &arguments));
-        }
+    for scene in prbvh_tests::scenes::loaded(&arguments.scenes) {
+        rows.push(measure(&scene, &arguments));
     }
     println!("\n{}", table::spine(&rows));
     println!("{}", table::phases(&rows));

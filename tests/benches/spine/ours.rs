@@ -2,6 +2,7 @@
 
 use prbvh::build::check_limits;
 use prbvh::bvh::tree_hash;
+use prbvh::compare::median;
 use prbvh::device::{Device, DeviceError, Timing};
 use prbvh::pipeline::{Settings, optimize};
 use prbvh::scene::Scene;
@@ -72,13 +73,7 @@ pub(crate) fn measure(device: &mut dyn Device, scene: &Scene, repetitions: usize
         });
     }
     let mut measured = last.expect("at least the warm-up ran");
-    measured.build_s = median(&mut builds);
-    measured.optimize_s = median(&mut runs);
+    measured.build_s = median(&builds).unwrap_or(f64::NAN);
+    measured.optimize_s = median(&runs).unwrap_or(f64::NAN);
     measured
-}
-
-/// The middle value; the upper one of two.
-pub(crate) fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }

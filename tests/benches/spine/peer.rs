@@ -1,13 +1,13 @@
 //! obvhs 0.4 (`parallel`) on the same triangles: PLOC with radius 32, then reinsertion at several settings. Costs come from our f64
 //! evaluator, over boxes recomputed from the triangles.
 
-use crate::ours::median;
 use glam::Vec3A;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use obvhs::triangle::Triangle;
 use prbvh::bvh::{Bvh, BvhNode, Content, NO_NODE, SahModel, quality, validate};
+use prbvh::compare::median;
 use prbvh::scene::Scene;
 use prbvh_kernel::aabb::Aabb;
 use serde::Serialize;
@@ -64,7 +64,7 @@ pub(crate) fn measure(scene: &Scene, repetitions: usize) -> PeerMeasured {
             (setting, start.elapsed().as_secs_f64(), cost(&tree, scene))
         })
         .collect();
-    PeerMeasured { ploc_s: median(&mut times), ploc_cost: cost(&ploc, scene), reinsertion }
+    PeerMeasured { ploc_s: median(&times).unwrap_or(f64::NAN), ploc_cost: cost(&ploc, scene), reinsertion }
 }
 
 /// Cost of a tree of obvhs by our evaluator; the tree is validated first.

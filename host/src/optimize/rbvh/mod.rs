@@ -16,7 +16,7 @@ mod tree;
 pub use tree::RbvhTree;
 
 use super::prbvh::cost_of_areas;
-use super::{IterationRow, Outcome, StopReason, set_relative_errors};
+use super::{IterationRow, Limits, Outcome, StopReason, set_relative_errors};
 use crate::bvh::TreeFault;
 use crate::device::Timing;
 use prbvh_kernel::node::Node;
@@ -26,7 +26,7 @@ use search::Search;
 use select::Selection;
 use serde::Serialize;
 use std::ops::ControlFlow;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Settings of RBVH.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -43,12 +43,9 @@ pub struct RbvhSettings {
     pub random_after: u32,
     /// Batches without an improvement that end the search.
     pub patience: u32,
-    /// Most batches.
-    pub max_iterations: u32,
-    /// No batch starts after this wall time.
-    pub max_time: Option<Duration>,
-    /// No batch starts once a tree has this cost or less; unitless, as [`IterationRow::cost`].
-    pub target_cost: Option<f64>,
+    /// What ends it early.
+    #[serde(flatten)]
+    pub limits: Limits,
     /// Seed of the random picks.
     pub seed: u64,
 }
@@ -62,9 +59,7 @@ impl Default for RbvhSettings {
             undo: true,
             random_after: 5,
             patience: 10,
-            max_iterations: 100_000,
-            max_time: None,
-            target_cost: None,
+            limits: Limits::iterations(100_000),
             seed: 1,
         }
     }

@@ -1,6 +1,6 @@
 //! When to pick nodes at random, and when to stop.
 
-use super::super::{IterationRow, StopReason};
+use super::super::{IterationRow, Limits, StopReason};
 use super::RbvhSettings;
 use std::time::Duration;
 
@@ -19,9 +19,7 @@ pub(super) struct Schedule {
     epsilon: f64,
     random_after: u32,
     patience: u32,
-    max_iterations: u32,
-    max_time: Option<Duration>,
-    target_cost: Option<f64>,
+    limits: Limits,
     /// Of all trees so far, where `best` only counts what is better by more than epsilon.
     lowest: f64,
     best: f64,
@@ -34,9 +32,7 @@ impl Schedule {
             epsilon: settings.epsilon,
             random_after: settings.random_after,
             patience: settings.patience.max(1),
-            max_iterations: settings.max_iterations,
-            max_time: settings.max_time,
-            target_cost: settings.target_cost,
+            limits: settings.limits,
             lowest: initial_cost,
             best: initial_cost,
             since_best: 0,
@@ -50,16 +46,12 @@ impl Schedule {
 
     /// Whether there is no further batch.
     pub(super) fn stop(&self, batches: u32, elapsed: Duration) -> Option<StopReason> {
-        if self.target_cost.is_some_and(|target| self.lowest <= target) {
+        if self.limits.is_target(self.lowest) {
             Some(StopReason::Target)
         } else if self.since_best >= self.patience {
             Some(StopReason::Converged)
-        } else if batches >= self.max_iterations {
-            Some(StopReason::MaxIterations)
-        } else if self.max_time.is_some_and(|limit| elapsed >= limit) {
-            Some(StopReason::MaxTime)
         } else {
-            None
+            self.limits.used_up(batches, elapsed)
         }
     }
 
@@ -129,7 +121,8 @@ mod tests {
 
     #[test]
     fn the_target_ends_a_run() {
-        let settings = RbvhSettings { target_cost: Some(99.9999), patience: 1, ..RbvhSettings::default() };
+        let mut settings = RbvhSettings { patience: 1, ..RbvhSettings::default() };
+        settings.limits.target_cost = Some(99.9999);
         let mut rule = Schedule::new(&settings, 100.0);
         assert_eq!(rule.stop(0, Duration::ZERO), None);
         rule.note(&row(f64::NAN, 1), true);
@@ -141,8 +134,10 @@ mod tests {
 
     #[test]
     fn limits() {
-        let settings =
-            RbvhSettings { max_iterations: 3, max_time: Some(Duration::from_secs(1)), ..RbvhSettings::default() };
+        let settings = RbvhSettings {
+            limits: Limits { max_time: Some(Duration::from_secs(1)), ..Limits::iterations(3) },
+            ..RbvhSettings::default()
+        };
         let rule = Schedule::new(&settings, 1.0);
         assert_eq!(rule.stop(2, Duration::from_millis(999)), None);
         assert_eq!(rule.stop(3, Duration::ZERO), Some(StopReason::MaxIterations));

@@ -1,9 +1,8 @@
 //! The same optimisation from different initial trees, as in Meister & Bittner 2018.
 
-use super::chart::{Chart, Names, Panel};
+use super::chart::Chart;
 use super::{Figure, runs};
 use crate::compare::{OptimizerRun, Purpose, SceneComparison};
-use crate::report::axis::Axis;
 use crate::report::plot::PlotError;
 
 pub(super) fn figure(scene: &SceneComparison) -> Result<Option<Figure>, PlotError> {
@@ -11,20 +10,6 @@ pub(super) fn figure(scene: &SceneComparison) -> Result<Option<Figure>, PlotErro
     let runs = runs::counterparts(scene, Purpose::Initial, same, |run| run.initial.clone()).unwrap_or_default();
     let several_mu = runs.windows(2).any(|pair| pair[0].mu != pair[1].mu);
     let names = runs::names(&runs, |run| runs::method(&format!("from {}", run.initial), several_mu.then_some(run.mu)));
-    let curve = |(k, (run, name)): (usize, (&&OptimizerRun, String))| runs::curve(run, name, k, runs::seconds);
-    let curves: Vec<_> = runs.iter().zip(names).enumerate().map(curve).collect();
-    let points = || curves.iter().flat_map(|curve| &curve.points);
-    let panel = Panel {
-        heading: String::new(),
-        x: Axis::log_time(points().map(|point| point.x)),
-        y: Axis::around(points().map(|point| point.y)),
-        x_title: "time from triangles (s, logarithmic)".to_owned(),
-        y_title: "SAH cost (no unit)".to_owned(),
-        x_ticks: None,
-        y_ticks: None,
-        names: Names::Beside,
-        curves,
-    };
     let chart = Chart {
         name: "initial",
         heading: "PRBVH from different initial trees".to_owned(),
@@ -35,7 +20,7 @@ pub(super) fn figure(scene: &SceneComparison) -> Result<Option<Figure>, PlotErro
         note: String::new(),
         height: 720,
         columns: &runs::COLUMNS,
-        panels: vec![panel],
+        panels: vec![runs::cost_over_time(&runs, names)],
     };
     chart.draw()
 }

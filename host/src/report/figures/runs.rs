@@ -1,10 +1,11 @@
 //! Runs as curves, and what they are called.
 
 use super::Value;
-use super::chart::{Curve, Point};
+use super::chart::{Curve, Names, Panel, Point};
 use super::style::Style;
 use crate::compare::{OptimizerRun, Purpose, SceneComparison};
 use crate::optimize::IterationRow;
+use crate::report::axis::Axis;
 use crate::report::format;
 
 /// `sponza, 262,267 triangles`.
@@ -58,6 +59,24 @@ pub(super) fn curve(
         values: vec![Value::Count(row.iteration.into()), Value::Number(seconds(run, row)), Value::Number(row.cost)],
     };
     Curve { name, style: Style(style), joined: run.rows.len() > 1, points: run.rows.iter().map(point).collect() }
+}
+
+/// Cost against the time from triangles, a curve for each run.
+pub(super) fn cost_over_time(runs: &[&OptimizerRun], names: Vec<String>) -> Panel {
+    let curve = |(k, (run, name)): (usize, (&&OptimizerRun, String))| curve(run, name, k, seconds);
+    let curves: Vec<_> = runs.iter().zip(names).enumerate().map(curve).collect();
+    let points = || curves.iter().flat_map(|curve| &curve.points);
+    Panel {
+        heading: String::new(),
+        x: Axis::log_time(points().map(|point| point.x)),
+        y: Axis::around(points().map(|point| point.y)),
+        x_title: "time from triangles (s, logarithmic)".to_owned(),
+        y_title: "SAH cost (no unit)".to_owned(),
+        x_ticks: None,
+        y_ticks: None,
+        names: Names::Beside,
+        curves,
+    }
 }
 
 /// The runs of a purpose, and those of other figures that differ from one of them in nothing but `differs`, and add a value of it.

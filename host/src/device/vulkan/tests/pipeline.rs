@@ -4,7 +4,7 @@ use super::{left_out, open, options, random};
 use crate::build::{MortonBits, lbvh};
 use crate::device::vulkan::{Access, Options};
 use crate::device::{Device, cpu::CpuDevice};
-use crate::optimize::{PrbvhSettings, Strategy, prbvh};
+use crate::optimize::{Limits, PrbvhSettings, Strategy, prbvh};
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
 use std::ops::ControlFlow;
@@ -25,7 +25,7 @@ fn soup(count: usize) -> Vec<Triangle> {
 /// The trees before the iterations, after each of them, and the best.
 fn trees(device: &mut dyn Device, triangles: &[Triangle], bits: MortonBits, strategy: Strategy) -> Vec<Vec<Node>> {
     let (tree, _) = lbvh(device, triangles, bits).unwrap();
-    let settings = PrbvhSettings { strategy, max_iterations: 12, ..PrbvhSettings::default() };
+    let settings = PrbvhSettings { strategy, limits: Limits::iterations(12), ..PrbvhSettings::default() };
     let mut trees = Vec::new();
     let outcome = prbvh(device, &tree, &settings, &mut |_, tree, device| {
         trees.push(tree.download(device).unwrap());
