@@ -104,7 +104,7 @@ fn check_iteration(tree: &NaiveTree, mu: u32, first: u32) -> NaiveTree {
         .collect();
 
     let mut locks = vec![0u64; nodes];
-    for &(input, Reinsertion { area_decrease, output }) in &moves {
+    for &(input, Reinsertion { area_decrease, output, .. }) in &moves {
         for v in topology(tree, input, output) {
             locks[v as usize] = locks[v as usize].max(lock_key(area_decrease, input));
         }
@@ -120,7 +120,7 @@ fn check_iteration(tree: &NaiveTree, mu: u32, first: u32) -> NaiveTree {
     let words = decreases.iter().zip(&inputs).map(|(&high, &low)| u64::from(high) << 32 | u64::from(low));
     assert_eq!(words.collect::<Vec<_>>(), locks);
 
-    let owns = |&(input, Reinsertion { area_decrease, output }): &(u32, Reinsertion)| {
+    let owns = |&(input, Reinsertion { area_decrease, output, .. }): &(u32, Reinsertion)| {
         topology(tree, input, output).iter().all(|&v| locks[v as usize] == lock_key(area_decrease, input))
     };
     let owners: BTreeMap<u32, Reinsertion> = moves.iter().copied().filter(owns).collect();
@@ -148,7 +148,23 @@ fn check_iteration(tree: &NaiveTree, mu: u32, first: u32) -> NaiveTree {
     assert_eq!(after.children, expected.children);
     assert_eq!(after.references[nodes / 2..], tree.references[nodes / 2..]);
     after.refit(0);
+    check_paths(&params, &result.get::<Reinsertion>("found"), &result.get::<Node>("nodes"), &after);
     after
+}
+
+/// The refit of changed paths gives every node the box that a refit of all gives it, and leaves all counts at 0.
+fn check_paths(params: &PrbvhParams, found: &[Reinsertion], nodes: &[Node], expected: &NaiveTree) {
+    let internal = nodes.len() / 2;
+    let case = Case::new(Kernel::PrbvhMarkPaths, params.count, params).with(found).with(nodes);
+    let marked = case.zeros(internal.max(1)).run_everywhere();
+    let ways: Vec<u32> = marked.get("ways");
+    let case = Case::new(Kernel::PrbvhRefitPaths, params.count, params).with(found).with(nodes);
+    let result = case.with(&ways).run_everywhere();
+    assert_eq!(NaiveTree::decode(&result.get::<Node>("nodes")).boxes, expected.boxes);
+    assert!(result.get::<u32>("ways").iter().all(|&ways| ways == 0));
+    // Nobody passes a node that no move is below.
+    assert!(ways.iter().filter(|&&ways| ways > 0).count() <= internal);
+    assert_eq!(ways.iter().any(|&ways| ways > 0), found.iter().any(|found| found.output != NO_NODE));
 }
 
 #[test]
