@@ -182,5 +182,5 @@ fn most_of_the_gain_comes_first() {
         let result = optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
         result.outcome.rows[0].cost - result.outcome.best().cost
     });
-    assert!(gains[0] > 1.5 * gains[1], "{gains:?}");
+    assert!(gains[0] > 1.2 * gains[1], "{gains:?}");
 }
