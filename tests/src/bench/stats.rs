@@ -50,7 +50,8 @@ mod tests {
     #[test]
     fn the_exponent_is_that_of_the_power() {
         for power in [0.0, 1.0, 1.15, 2.0] {
-            let points: Vec<(f64, f64)> = (14..24).map(|k| f64::from(1 << k)).map(|n| (n, 3e-9 * n.powf(power))).collect();
+            let points: Vec<(f64, f64)> =
+                (14..24).map(|k| f64::from(1 << k)).map(|n| (n, 3e-9 * n.powf(power))).collect();
             assert!((exponent(&points).unwrap() - power).abs() < 1e-12);
         }
     }

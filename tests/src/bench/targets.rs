@@ -109,7 +109,12 @@ pub fn verdicts(experiment: &str, results: &[SceneResult]) -> Vec<Verdict> {
         Verdict::at_most(name("PRBVH ÷ their best cost, worst, ≤ 1"), worst(&prbvh), 1.0, 4),
         Verdict::at_most(name("any of ours ÷ their best cost, geometric mean, ≤ 0.99"), geometric_mean(&any), 0.99, 4),
         Verdict::at_most(name("any of ours ÷ their best cost, worst, ≤ 1"), worst(&any), 1.0, 4),
-        Verdict::at_most(name(&format!("PRBVH ÷ RBVH as published, worst {}, ≤ 1", scenes(&rbvh))), worst(&rbvh), 1.0, 4),
+        Verdict::at_most(
+            name(&format!("PRBVH ÷ RBVH as published, worst {}, ≤ 1", scenes(&rbvh))),
+            worst(&rbvh),
+            1.0,
+            4,
+        ),
         Verdict::at_most(name(&format!("PRBVH ÷ RBVH with undo, worst {}, ≤ 1", scenes(&undo))), worst(&undo), 1.0, 4),
     ]
 }
