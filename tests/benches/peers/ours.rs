@@ -1,12 +1,13 @@
 //! prbvh on the CPU device: configurations, and their runs.
 
 use prbvh::build::{self, CodeCensus, DEFAULT_RADIUS, DeviceTree, MortonBits, TreeletSize};
-use prbvh::bvh::{Bvh, SahModel, quality, summary, validate};
+use prbvh::bvh::summary;
 use prbvh::device::{Device, DeviceError, on_host};
 use prbvh::optimize::{Epsilon, PrbvhSettings, RbvhSettings, StopReason, prbvh, rbvh};
 use prbvh::pipeline::{Initial, Optimizer};
 use prbvh::scene::{SafeRange, Scene};
 use prbvh_kernel::node::Node;
+use prbvh_tests::bench::agree::{confirmed, cost_of_boxes, evaluated, same_costs};
 use prbvh_tests::bench::curve::{Curve, median_of_runs};
 use prbvh_tests::bench::stats::median;
 use std::num::NonZeroU32;
@@ -179,27 +180,26 @@ impl<'a> OurRuns<'a> {
 
     /// Checks the run against the earlier ones and the tree against its costs.
     fn note(&mut self, sample: &Sample, scene: &Scene) {
-        let name = &self.configuration.name;
-        let same = self.device_costs.iter().zip(&sample.costs).take_while(|(a, b)| a.to_bits() == b.to_bits()).count();
-        let shorter = self.device_costs.len().min(sample.costs.len());
-        assert_eq!(same, shorter, "{}: {name}: another cost at point {same} in another run", scene.name);
+        let noted = self.checked(sample, scene);
+        noted.unwrap_or_else(|error| panic!("{}: {}: {error}", scene.name, self.configuration.name));
+    }
+
+    fn checked(&mut self, sample: &Sample, scene: &Scene) -> Result<(), String> {
+        same_costs(&self.device_costs, &sample.costs)?;
         if sample.costs.len() > self.device_costs.len() {
             self.device_costs.clone_from(&sample.costs);
         }
-        let tree = Bvh::from_device(&sample.nodes).map(|tree| tree.with_boxes_of(&scene.triangles));
-        let tree = tree.and_then(|tree| validate(&tree, Some(&scene.triangles)).map(|_| tree));
-        let tree = tree.unwrap_or_else(|faults| panic!("{}: {name}: {}", scene.name, summary(&faults)));
-        let cost = quality(&tree, &SahModel::default()).sah_cost;
+        let cost = evaluated(&sample.nodes, scene)?;
         let best = (0..sample.costs.len()).min_by(|&a, &b| sample.costs[a].total_cmp(&sample.costs[b]));
-        let best = best.expect("the initial tree has a cost");
-        let device_error = sample.costs[best] / cost - 1.0;
+        let best = best.ok_or("not even the initial tree has a cost")?;
         let tolerance = if self.configuration.is_slow() { F64_TOLERANCE } else { DEVICE_TOLERANCE };
-        assert!(device_error.abs() < tolerance, "{}: {name}: cost {} is {cost}", scene.name, sample.costs[best]);
-        if let Some(exact) = self.costs.get(best) {
-            assert!((exact / cost - 1.0).abs() < F64_TOLERANCE, "{}: {name}: cost {exact} is {cost}", scene.name);
+        let device_error = confirmed(sample.costs[best], cost, tolerance)?;
+        if let Some(&exact) = self.costs.get(best) {
+            confirmed(exact, cost, F64_TOLERANCE)?;
         }
         self.final_cost = self.final_cost.min(cost);
         self.device_error = self.device_error.max(device_error.abs());
+        Ok(())
     }
 
     /// Medians of the times, costs in f64.
@@ -293,7 +293,7 @@ fn optimized(
                 times.push(clock.elapsed().as_secs_f64());
                 costs.push(row.cost);
                 if is_exact {
-                    exact.push(f64_cost(&tree.download(device).expect("the device works")));
+                    exact.push(cost_of_boxes(&tree.download(device).expect("the device works")));
                 }
                 ControlFlow::Continue(())
             })?;
@@ -320,7 +320,7 @@ fn optimized(
     let nodes = tree.download(device)?;
     tree.free(device);
     if configuration.optimizer == Optimizer::None {
-        costs.push(f64_cost(&nodes));
+        costs.push(cost_of_boxes(&nodes));
         exact.clone_from(&costs);
     } else {
         // The initial tree is at hand before the optimiser has looked at it.
@@ -330,21 +330,4 @@ fn optimized(
         }
     }
     Ok(Sample { times, costs, exact, end_s, nodes, stop })
-}
-
-/// SAH cost from the boxes of a device's nodes, in f64. Every run's end is compared with the cost of the tree handed out.
-fn f64_cost(nodes: &[Node]) -> f64 {
-    let SahModel { c_traversal, c_intersect } = SahModel::default();
-    let half_area = |node: &Node| {
-        let [x, y, z] = std::array::from_fn(|k| f64::from(node.max[k]) - f64::from(node.min[k]));
-        x * y + y * z + z * x
-    };
-    let (internal, leaves) = nodes.split_at(nodes.len() / 2);
-    let sum = |nodes: &[Node]| nodes.iter().map(half_area).sum::<f64>();
-    let root = half_area(&nodes[0]);
-    if root > 0.0 {
-        (c_traversal * sum(internal) + c_intersect * sum(leaves)) / root
-    } else {
-        c_traversal * internal.len() as f64 + c_intersect * leaves.len() as f64
-    }
 }

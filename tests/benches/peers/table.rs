@@ -63,6 +63,12 @@ fn summary(outcome: &Outcome, known: Option<&ReferenceCost>) -> String {
     };
     let best_setting = outcome.theirs.iter().find(|(_, point, _)| point.cost == peer_best);
     let best_setting = best_setting.map_or("none", |(setting, _, _)| setting.as_str());
+    let points = &outcome.result.points;
+    let firsts = |name: &str| points.iter().filter(|point| point.by == name).count();
+    let winner = outcome.ours.iter().map(|ours| ours.curve.name.as_str()).max_by_key(|name| firsts(name));
+    let winner = winner.map_or_else(String::new, |name| {
+        format!("most often first: {name}, at {} of {} points; ", firsts(name), points.len())
+    });
     let rbvh_ratio = |what: &str, cost: Option<f64>| match cost {
         Some(cost) => format!("{:.4} × {what} ({cost:.3})", prbvh / cost),
         None => format!("{what} did not run to its end"),
@@ -76,7 +82,7 @@ fn summary(outcome: &Outcome, known: Option<&ReferenceCost>) -> String {
         )
     });
     format!(
-        "their best {peer_best:.3} ({best_setting}); PRBVH {prbvh:.3} ({}), {:.4} × theirs; our lowest {lowest:.3} ({}), {:.4} × theirs; \
+        "{winner}their best {peer_best:.3} ({best_setting}); PRBVH {prbvh:.3} ({}), {:.4} × theirs; our lowest {lowest:.3} ({}), {:.4} × theirs; \
          PRBVH is {}, {}{known}",
         name_of(prbvh),
         prbvh / peer_best,

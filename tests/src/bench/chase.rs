@@ -49,7 +49,7 @@ pub fn read_times(cells: &[Cell], reads: usize) -> ReadTimes {
         let (mut state, mut sum) = (thread as u64 * 0x9e37_79b9 + 1, 0u32);
         for _ in 0..reads {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            let cell = &cells[((state >> 32) * cells.len() as u64 >> 32) as usize];
+            let cell = &cells[(((state >> 32) * cells.len() as u64) >> 32) as usize];
             sum = sum.wrapping_add(cell.0[0] ^ cell.0[7]);
         }
         sum
@@ -57,15 +57,17 @@ pub fn read_times(cells: &[Cell], reads: usize) -> ReadTimes {
     ReadTimes { dependent_s: timed(&dependent), independent_s: timed(&independent) }
 }
 
-/// Bytes per second that all threads of the current pool read from front to back.
+/// Bytes per second that all threads of the current pool read, each its share from front to back, `passes` times.
 #[must_use]
 pub fn bandwidth(cells: &[Cell], passes: usize) -> f64 {
-    let sum = |chunk: &[Cell]| chunk.iter().fold([0u32; 8], |sum, cell| std::array::from_fn(|k| sum[k] ^ cell.0[k]));
+    let sum = |share: &[Cell]| {
+        (0..passes).fold([0u32; 8], |sum, _| {
+            black_box(share).iter().fold(sum, |sum, cell| std::array::from_fn(|k| sum[k] ^ cell.0[k]))
+        })
+    };
     let start = Instant::now();
-    for _ in 0..passes {
-        let chunks = cells.par_chunks(1 << 14).map(sum);
-        black_box(chunks.reduce(|| [0; 8], |a, b| std::array::from_fn(|k| a[k] ^ b[k])));
-    }
+    let shares = cells.par_chunks(cells.len().div_ceil(rayon::current_num_threads())).map(sum);
+    black_box(shares.reduce(|| [0; 8], |a, b| std::array::from_fn(|k| a[k] ^ b[k])));
     (passes * size_of_val(cells)) as f64 / start.elapsed().as_secs_f64()
 }
 

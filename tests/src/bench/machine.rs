@@ -7,5 +7,6 @@ use prbvh::report::{Machine, Program};
 pub fn line() -> String {
     let Machine { cpu, cores, memory_bytes, os } = Machine::current();
     let Program { version, commit, .. } = Program::current();
-    format!("prbvh {version} ({commit}), {cpu}, {cores} cores, {} GiB, {os}", memory_bytes >> 30)
+    let warning = if cfg!(debug_assertions) { "NOT AN OPTIMISED BUILD, times mean nothing: " } else { "" };
+    format!("{warning}prbvh {version} ({commit}), {cpu}, {cores} cores, {} GiB, {os}", memory_bytes >> 30)
 }

@@ -1,5 +1,6 @@
 //! What the benchmarks share: runs of one program, their statistics, and what is judged of them.
 
+pub mod agree;
 pub mod chase;
 pub mod curve;
 pub mod machine;

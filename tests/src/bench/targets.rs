@@ -101,7 +101,7 @@ pub fn verdicts(experiment: &str, results: &[SceneResult]) -> Vec<Verdict> {
     let rbvh = of(|scene| Some(scene.prbvh / scene.rbvh?));
     let undo = of(|scene| Some(scene.prbvh / scene.rbvh_undo?));
     let name = |what: &str| format!("{experiment}: {what}");
-    let scenes = |ratios: &[f64]| format!("on all of {} of {} scenes", ratios.len(), judged.len());
+    let scenes = |ratios: &[f64]| format!("of the {} of {} scenes where it ended", ratios.len(), judged.len());
     vec![
         curve(experiment, &judged),
         Verdict::at_most(name("PRBVH ÷ their best cost, geometric mean, ≤ 0.99"), geometric_mean(&prbvh), 0.99, 4),
