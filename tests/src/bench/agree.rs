@@ -88,7 +88,7 @@ mod tests {
     fn a_planted_box_changes_the_cost_of_the_boxes_alone() {
         let (scene, mut nodes) = built(100);
         let before = evaluated(&nodes, &scene).unwrap();
-        nodes[3].max[0] += 0.01;
+        nodes[3].max[0] += nodes[3].max[0] - nodes[3].min[0];
         assert_eq!(evaluated(&nodes, &scene), Ok(before));
         assert!(confirmed(cost_of_boxes(&nodes), before, 1e-9).is_err());
     }
