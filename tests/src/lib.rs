@@ -1,5 +1,6 @@
 //! Fixtures, oracles and comparers shared by the tests.
 
+pub mod bench;
 pub mod browser;
 pub mod command;
 pub mod compare;

@@ -1,4 +1,4 @@
-//! `cargo xtask bench [--parts | --plan]`: see tests/benches.
+//! `cargo xtask bench [--parts | --plan | --peers | --growth]`: see tests/benches.
 
 use crate::repo;
 use anyhow::{Result, ensure};
@@ -12,6 +12,12 @@ pub(crate) struct Bench {
     /// What plans leave out: every omission with and without it in turn.
     #[arg(long, conflicts_with = "parts")]
     plan: bool,
+    /// Anytime curves, cost against wall time, beside a peer with many settings.
+    #[arg(long, conflicts_with_all = ["parts", "plan"])]
+    peers: bool,
+    /// Scaling with threads, growth of time and memory with triangles, and what limits the search.
+    #[arg(long, conflicts_with_all = ["parts", "plan", "peers"])]
+    growth: bool,
     /// For the benchmark: `--help` lists them.
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     arguments: Vec<String>,
@@ -22,11 +28,8 @@ impl Bench {
     /// If the benchmark cannot be built, or an answer that it checks is wrong.
     pub(crate) fn run(self) -> Result<()> {
         let mut cargo = repo::cargo()?;
-        let bench = match (self.parts, self.plan) {
-            (true, _) => "parts",
-            (_, true) => "plan",
-            _ => "spine",
-        };
+        let chosen = [(self.parts, "parts"), (self.plan, "plan"), (self.peers, "peers"), (self.growth, "growth")];
+        let bench = chosen.into_iter().find(|(is_chosen, _)| *is_chosen).map_or("spine", |(_, bench)| bench);
         cargo.args(["bench", "--package", "prbvh-tests", "--bench", bench, "--"]).args(self.arguments);
         ensure!(cargo.status()?.success(), "the benchmark failed");
         Ok(())

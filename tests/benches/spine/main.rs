@@ -2,17 +2,18 @@
 //! device, beside obvhs on the same triangles. Each run checks its answer: the tree hash is the same in every repetition and on every
 //! device, the tree is valid, and the device's cost agrees with the f64 referee.
 
-mod fit;
-mod ours;
 mod peer;
 mod table;
 
 use clap::Parser;
-use ours::Measured;
 use peer::PeerMeasured;
+use prbvh::build::check_limits;
 use prbvh::device::vulkan::{Selection, VulkanDevice};
 use prbvh::device::{Device, cpu::CpuDevice};
+use prbvh::pipeline::Settings;
 use prbvh::scene::{self, Scene};
+use prbvh_tests::bench::machine;
+use prbvh_tests::bench::runs::{self, Measured};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -57,7 +58,7 @@ struct Row {
 
 fn main() {
     let arguments = Arguments::parse();
-    println!("{}", table::machine());
+    println!("{}", machine::line());
     let mut rows = Vec::new();
     for exponent in arguments.from..=arguments.to {
         rows.push(measure(&scene::built_in(1 << exponent), &arguments));
@@ -79,12 +80,13 @@ fn main() {
 fn measure(scene: &Scene, arguments: &Arguments) -> Row {
     eprintln!("{} ({} triangles)", scene.name, scene.triangles.len());
     let mut cpu = CpuDevice::new(0).expect("threads");
-    let mut devices = vec![ours::measure(&mut cpu, scene, arguments.repeat)];
+    let settings = Settings::default();
+    let mut devices = vec![runs::measure(&mut cpu, scene, &settings, arguments.repeat)];
     if arguments.repeat_vulkan > 0 {
         match VulkanDevice::open(Selection::Automatic, false) {
-            Ok(mut vulkan) => match ours::fits(&vulkan, scene) {
+            Ok(mut vulkan) => match check_limits(vulkan.info(), scene.triangles.len()) {
                 Ok(()) => {
-                    let measured = ours::measure(&mut vulkan, scene, arguments.repeat_vulkan);
+                    let measured = runs::measure(&mut vulkan, scene, &settings, arguments.repeat_vulkan);
                     assert_eq!(devices[0].tree_hash, measured.tree_hash, "{} on {}", scene.name, vulkan.info().name);
                     devices.push(measured);
                 }

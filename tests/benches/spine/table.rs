@@ -1,18 +1,10 @@
 //! The tables of the benchmark, as Markdown.
 
 use crate::Row;
-use crate::fit::exponent;
-use crate::ours::Measured;
+use prbvh_tests::bench::markdown::number;
+use prbvh_tests::bench::runs::Measured;
+use prbvh_tests::bench::stats::exponent;
 use std::fmt::Write;
-
-/// Machine, program and commit.
-pub(crate) fn machine() -> String {
-    let machine = prbvh::report::Machine::current();
-    let program = prbvh::report::Program::current();
-    let prbvh::report::Machine { cpu, cores, memory_bytes, os } = machine;
-    let (version, commit) = (program.version, program.commit);
-    format!("prbvh {version} ({commit}), {cpu}, {cores} cores, {} GiB, {os}", memory_bytes >> 30)
-}
 
 fn per_device(rows: &[Row]) -> impl Iterator<Item = (&Row, &Measured)> {
     rows.iter().flat_map(|row| row.devices.iter().map(move |device| (row, device)))
@@ -94,11 +86,11 @@ pub(crate) fn growth(rows: &[Row]) -> String {
                 .filter(|(_, m)| m.device == *name)
                 .map(|(row, m)| (row.triangles as f64, time(m)))
                 .collect();
-            exponent(&points)
+            number(exponent(&points), 2)
         };
         let _ = writeln!(
             text,
-            "growth of time with triangles on {name}: LBVH n^{:.2}, PRBVH n^{:.2}, PRBVH iteration n^{:.2}",
+            "growth of time with triangles on {name}: LBVH n^{}, PRBVH n^{}, PRBVH iteration n^{}",
             fit(|m| m.build_s),
             fit(|m| m.optimize_s),
             fit(|m| m.optimize_s / f64::from(m.iterations.max(1)))
