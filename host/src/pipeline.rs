@@ -3,13 +3,15 @@
 use crate::build::{self, Codes, DeviceTree, MortonBits, TreeOfFileError, TreeletSize};
 use crate::bvh::{self, Bvh, Quality, SahModel, TreeFault};
 use crate::collapse::{CollapseError, CollapseSettings, check_settings, collapse};
-use crate::device::{Device, DeviceError, DeviceInfo, Timing, on_host};
+use crate::device::{Device, DeviceError, DeviceInfo, Timing, Watched, on_host};
 use crate::optimize::{IterationRow, Outcome, PrbvhSettings, RbvhSettings, StopReason, prbvh, rbvh};
-use crate::plan::Plan;
+use crate::plan::{Plan, PlanMismatch};
 use crate::scene::{SafeRange, Scene};
+use prbvh_kernel::Kernel;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
 use serde::Serialize;
+use std::collections::BTreeSet;
 use std::fmt;
 use std::num::NonZeroU32;
 use std::ops::ControlFlow;
@@ -150,6 +152,8 @@ pub struct Optimized {
     pub collapse_timings: Vec<Timing>,
     /// What was left out and why.
     pub plan: Plan,
+    /// Kernels that ran; [`Plan::unplanned`] has none of them.
+    pub ran: BTreeSet<Kernel>,
 }
 
 /// Why there is no tree.
@@ -168,6 +172,9 @@ pub enum PipelineError {
     /// No leaf could be made of a subtree.
     #[error(transparent)]
     Collapse(#[from] CollapseError),
+    /// The plan is for something else.
+    #[error(transparent)]
+    Plan(#[from] PlanMismatch),
     /// What came back from the device is no tree over the triangles.
     #[error("the {stage} on {device} made an invalid tree: {}", bvh::summary(.faults))]
     InvalidTree {
@@ -209,7 +216,10 @@ pub fn optimize_by(
 ) -> Result<Optimized, PipelineError> {
     settings.initial.check()?;
     settings.adaptive.as_ref().map_or(Ok(()), check_settings)?;
+    plan.check_purpose(scene, settings)?;
     plan.check(device.info())?;
+    let mut watched = Watched::new(device);
+    let device: &mut dyn Device = &mut watched;
     let working = on_host(device, || SafeRange::of(&scene.triangles).apply(&scene.triangles));
 
     let start = Instant::now();
@@ -248,6 +258,7 @@ pub fn optimize_by(
         optimize_s,
         collapse_timings,
         plan,
+        ran: watched.into_kernels(),
     })
 }
 

@@ -3,6 +3,7 @@
 use super::compare_args::{CompareArgs, PeerArgs};
 use super::leaves::LeavesArgs;
 use super::optimizer::OptimizerArgs;
+use super::plan::PlanArgs;
 use super::preset::{PRESET_SETS, PresetArg};
 use super::render_args::RenderArgs;
 use super::stability::StabilityArgs;
@@ -38,8 +39,8 @@ pub(super) struct Cli {
 pub(super) enum Command {
     /// Build a tree over a scene and optimise it.
     Optimize(Box<OptimizeArgs>),
-    /// What `optimize` with the same arguments would take and leave out, and why.
-    Plan(Box<OptimizeArgs>),
+    /// What `optimize` with the same arguments would take and leave out, and why; of several scenes, how that differs.
+    Plan(Box<PlanArgs>),
     /// Trace rays through the tree of a scene: a picture, and what its rays cost.
     Render(Box<RenderArgs>),
     /// The methods of the paper against each other: cost, rays per second, time, memory.

@@ -4,9 +4,11 @@ pub mod cpu;
 pub mod record;
 mod select;
 pub mod vulkan;
+mod watched;
 
 pub use record::{Buffer, Command, Dispatch, Recording};
 pub use select::{DeviceChoice, NoSuchChoice, open};
+pub(crate) use watched::Watched;
 
 use serde::Serialize;
 
