@@ -1,9 +1,16 @@
 //! From a scene to its best tree: safe range, initial tree, optimiser, adaptive leaves, original boxes, validation.
 
+mod built;
+mod feature;
+
+pub use built::{Built, build_initial};
+pub use feature::FeatureOff;
+
 use crate::build::{self, Codes, DeviceTree, MortonBits, TreeOfFileError, TreeletSize};
-use crate::bvh::{self, Bvh, Quality, SahModel, TreeFault};
+use crate::bvh::{self, Bvh, EncodeError, Quality, SahModel, TreeFault};
 use crate::collapse::{CollapseError, CollapseSettings, check_settings, collapse};
 use crate::device::{Device, DeviceError, DeviceInfo, Timing, Watched, on_host};
+use crate::fold::{Fold, unfold_rows, unfolded_row};
 use crate::optimize::{IterationRow, Outcome, PrbvhSettings, RbvhSettings, StopReason, prbvh, rbvh};
 use crate::plan::{Plan, PlanMismatch};
 use crate::scene::{SafeRange, Scene};
@@ -66,16 +73,6 @@ impl Initial {
     }
 }
 
-/// A method that this program was built without.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{method} is not in this program: it was built without the cargo feature `{feature}`")]
-pub struct FeatureOff {
-    /// The method.
-    pub method: &'static str,
-    /// The cargo feature that has it.
-    pub feature: &'static str,
-}
-
 /// As on the command line: `lbvh`, `ploc`, `atrbvh`, `sah-sweep`, `sah-binned`, or the path of the file.
 impl fmt::Display for Initial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -127,6 +124,9 @@ pub struct Settings {
     pub prbvh: PrbvhSettings,
     /// Adaptive leaves after the optimisation; none: one triangle per leaf.
     pub adaptive: Option<CollapseSettings>,
+    /// Triangles of equal boxes are one reference while the tree is built and optimised: faster, another tree of about the same cost. Not
+    /// for trees that nothing optimises or that come from a file.
+    pub fold_duplicates: bool,
 }
 
 /// A better tree, and how it came about.
@@ -172,6 +172,9 @@ pub enum PipelineError {
     /// No leaf could be made of a subtree.
     #[error(transparent)]
     Collapse(#[from] CollapseError),
+    /// An unfolded tree has no form on the device.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
     /// The plan is for something else.
     #[error(transparent)]
     Plan(#[from] PlanMismatch),
@@ -221,21 +224,42 @@ pub fn optimize_by(
     let mut watched = Watched::new(device);
     let device: &mut dyn Device = &mut watched;
     let working = on_host(device, || SafeRange::of(&scene.triangles).apply(&scene.triangles));
+    let fold = plan.fold.clone();
+    let references = fold.as_ref().map(|fold| fold.references(&working));
+    let added = fold.as_ref().map_or(0.0, |fold| fold.added_cost(&scene.triangles, &SahModel::default()));
 
     let start = Instant::now();
-    let (tree, build_timings) = initial_tree(scene, &working, device, (&settings.initial, plan.codes))?;
+    let (mut tree, build_timings) =
+        initial_tree(scene, references.as_deref().unwrap_or(&working), device, (&settings.initial, plan.codes))?;
     let build_s = start.elapsed().as_secs_f64();
-    drop(working);
-    let (_, initial) = hand_out(&tree, scene, device, "builder")?;
+    drop(references);
+    let working = (fold.is_some() && plan.collapses).then_some(working);
+    let (_, initial) = hand_out((&tree, fold.as_deref()), scene, device, "builder")?;
 
     let start = Instant::now();
-    let outcome = match &settings.optimizer {
-        Optimizer::Prbvh => prbvh(device, &tree, &settings.prbvh, &mut |row, _, _| observe(row))?,
-        Optimizer::Rbvh(settings) => on_the_host(&tree, device, settings, observe)?,
-        Optimizer::None => untouched(&initial, observe),
+    let mut observe = |row: &IterationRow| observe(&unfolded_row(row, added));
+    let below = |target: Option<f64>| target.map(|cost| cost - added);
+    let mut outcome = match &settings.optimizer {
+        Optimizer::Prbvh => {
+            let settings = PrbvhSettings { target_cost: below(settings.prbvh.target_cost), ..settings.prbvh.clone() };
+            prbvh(device, &tree, &settings, &mut |row, _, _| observe(row))?
+        }
+        Optimizer::Rbvh(settings) => {
+            let settings = RbvhSettings { target_cost: below(settings.target_cost), ..settings.clone() };
+            on_the_host(&tree, device, &settings, &mut observe)?
+        }
+        Optimizer::None => untouched(&initial, &mut observe),
     };
     let optimize_s = start.elapsed().as_secs_f64();
-    let (mut best, quality) = hand_out(&tree, scene, device, "optimiser")?;
+    let (mut best, quality) = hand_out((&tree, fold.as_deref()), scene, device, "optimiser")?;
+    if fold.is_some() {
+        unfold_rows(&mut outcome.rows, added);
+        if let Some(working) = &working {
+            // The collapse counts triangles.
+            tree.free(device);
+            tree = DeviceTree::upload(device, &best.clone().with_boxes_of(working).to_device()?)?;
+        }
+    }
     let mut adaptive = None;
     let mut collapse_timings = Vec::new();
     if let Some(settings) = settings.adaptive.as_ref().filter(|_| !plan.collapses) {
@@ -260,38 +284,6 @@ pub fn optimize_by(
         plan,
         ran: watched.into_kernels(),
     })
-}
-
-/// An initial tree.
-#[derive(Clone, Debug)]
-pub struct Built {
-    /// The tree; its boxes are those of the scene's triangles.
-    pub tree: Bvh,
-    /// Its quality, in f64.
-    pub quality: Quality,
-    /// Wall time, upload included, seconds.
-    pub build_s: f64,
-    /// Times of its stages.
-    pub timings: Vec<Timing>,
-}
-
-/// Builds the initial tree alone.
-///
-/// # Errors
-/// As [`optimize`].
-pub fn build_initial(scene: &Scene, device: &mut dyn Device, settings: &Settings) -> Result<Built, PipelineError> {
-    settings.initial.check()?;
-    // The initial tree alone is checked and made.
-    let settings = Settings { optimizer: Optimizer::None, adaptive: None, ..settings.clone() };
-    let plan = Plan::of(scene, device.info(), &settings, &[])?;
-    plan.check(device.info())?;
-    let working = on_host(device, || SafeRange::of(&scene.triangles).apply(&scene.triangles));
-    let start = Instant::now();
-    let (tree, timings) = initial_tree(scene, &working, device, (&settings.initial, plan.codes))?;
-    let build_s = start.elapsed().as_secs_f64();
-    let (handed_out, quality) = hand_out(&tree, scene, device, "builder")?;
-    tree.free(device);
-    Ok(Built { tree: handed_out, quality, build_s, timings })
 }
 
 /// Runs RBVH on the device's tree.
@@ -358,14 +350,18 @@ fn initial_tree(
     Ok((DeviceTree::upload(device, &nodes)?, vec![timing]))
 }
 
-/// The device's tree with the boxes of the original triangles, validated.
+/// The device's tree, unfolded, with the boxes of the original triangles, validated.
 fn hand_out(
-    tree: &DeviceTree,
+    (tree, fold): (&DeviceTree, Option<&Fold>),
     scene: &Scene,
     device: &mut dyn Device,
     stage: &'static str,
 ) -> Result<(Bvh, Quality), PipelineError> {
     let decoded = Bvh::from_device(&tree.download(device)?);
+    let decoded = match fold {
+        Some(fold) => decoded.map(|tree| fold.unfold(tree)),
+        None => decoded,
+    };
     measured(decoded, scene, device.info(), stage, &SahModel::default())
 }
 
@@ -382,18 +378,4 @@ fn measured(
     bvh::validate(&tree, Some(&scene.triangles)).map_err(invalid)?;
     let quality = bvh::quality(&tree, sah);
     Ok((tree, quality))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_method_that_is_left_out_says_so() {
-        let initial = Initial::Atrbvh { treelet: TreeletSize::default() };
-        assert_eq!(initial.to_string(), "atrbvh");
-        assert_eq!(initial.check().is_ok(), cfg!(feature = "atrbvh"));
-        let error = FeatureOff { method: "atrbvh", feature: "atrbvh" }.to_string();
-        assert!(error.contains("without the cargo feature `atrbvh`"), "{error}");
-    }
 }

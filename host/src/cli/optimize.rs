@@ -142,6 +142,7 @@ fn report(
             },
             strategy: value_name::<StrategyArg>(args.strategy),
             optimizer: settings.optimizer.to_string(),
+            fold_duplicates: settings.fold_duplicates,
             rbvh: match &settings.optimizer {
                 Optimizer::Rbvh(settings) => Some(settings.clone()),
                 _ => None,

@@ -13,10 +13,10 @@ use prbvh_kernel::Kernel;
 use std::collections::BTreeSet;
 
 /// Why duplicates are not folded.
-const DUPLICATES: &str = "TODO";
+const DUPLICATES: &str = "the tree is another one, of about the same cost: ask with --fold-duplicates";
 
 /// Why µ does not follow the conflicts.
-const MU_BY_CONFLICTS: &str = "TODO";
+const MU_BY_CONFLICTS: &str = "a µ that falls where few moves collide took more searches to the same cost (docs/plan.md); µ falls when the cost settles";
 
 /// The decisions; `taken` is what the plan's phases took, `kernels` what those that run may take.
 pub(super) fn items(
@@ -36,7 +36,7 @@ pub(super) fn items(
     items.extend(decide.optimizer()?);
     items.push(decide.collapse());
     items.push(decide.attributes());
-    items.push(decide.duplicates());
+    items.push(decide.duplicates()?);
     items.push(decide.kernels());
     Ok(items)
 }
@@ -58,7 +58,7 @@ impl Decide<'_> {
     /// What a builder takes that is not the plan's.
     fn build(&self, initial: &Initial, codes: Codes) -> Result<Taken, DeviceError> {
         let mut dry = DryDevice::new(self.info);
-        dry.build(initial, codes, &self.scene.triangles)?;
+        dry.build(initial, codes, &self.scene.triangles[..self.plan.references])?;
         Ok(dry.taken())
     }
 
@@ -127,7 +127,7 @@ impl Decide<'_> {
     /// What PRBVH takes by this strategy on a device like this one.
     fn optimize(&self, strategy: Strategy, atomics_64: bool, iterations: u32) -> Result<Taken, DeviceError> {
         let mut dry = DryDevice::new(&DeviceInfo { atomics_64, ..self.info.clone() });
-        dry.optimize(self.scene.triangles.len(), strategy, iterations)?;
+        dry.optimize(self.plan.references, strategy, iterations)?;
         Ok(dry.taken())
     }
 
@@ -139,7 +139,7 @@ impl Decide<'_> {
             let why = format!("the optimiser is {}", self.settings.optimizer);
             let mut item = item(Omission::DeviceOptimizer, Status::LeftOut, why);
             let mut dry = DryDevice::new(self.info);
-            dry.hold_tree(self.scene.triangles.len())?;
+            dry.hold_tree(self.plan.references)?;
             item.saved = self.saving(taken, &dry.taken());
             let start = self.optimize(strategy, self.info.atomics_64, 0)?;
             item.saved.dispatches = start.dispatches;
@@ -198,19 +198,45 @@ impl Decide<'_> {
         item
     }
 
-    fn duplicates(&self) -> Item {
-        match self.scene.census.duplicates {
-            0 => item(Omission::Duplicates, Status::NoneThere, "no two triangles are equal"),
-            count => {
-                let share = 100.0 * count as f64 / self.scene.triangles.len().max(1) as f64;
-                let why = format!(
-                    "{} triangles ({} %) are equal to others: {DUPLICATES}",
-                    format::count(count as u64),
-                    format::significant(share)
-                );
+    fn duplicates(&self) -> Result<Item, DeviceError> {
+        let (n, equal) = (self.scene.triangles.len(), self.scene.census.duplicates);
+        let count = |count: usize| format::count(count as u64);
+        if self.plan.fold.is_some() {
+            let folded = n - self.plan.references;
+            let why = format!(
+                "{} of {} triangles have the box of another: they come back when the tree is optimised",
+                count(folded),
+                count(n)
+            );
+            let mut dry = DryDevice::new(self.info);
+            dry.optimize(n, self.settings.prbvh.strategy, 0)?;
+            let run = self.plan.phases.iter().filter(|phase| phase.runs && !phase.phase.starts_with("collapse"));
+            let peak_bytes = run.map(|phase| phase.peak_bytes).max().unwrap_or(0);
+            let saved = saving(&dry.taken(), &Taken { peak_bytes, ..Taken::default() });
+            return Ok(Item {
+                saved: Saving { bytes: saved.bytes, ..Saving::default() },
+                ..item(Omission::Duplicates, Status::LeftOut, why)
+            });
+        }
+        if self.settings.fold_duplicates {
+            let why = match (&self.settings.optimizer, &self.settings.initial) {
+                (Optimizer::None, _) => "nothing is optimised",
+                (_, Initial::File(_)) => "the initial tree is over all triangles",
+                _ => return Ok(item(Omission::Duplicates, Status::NoneThere, "no two triangles have equal boxes")),
+            };
+            return Ok(item(Omission::Duplicates, Status::Needed, why));
+        }
+        Ok(match equal {
+            0 => item(
+                Omission::Duplicates,
+                Status::NoneThere,
+                "no two triangles are equal; --fold-duplicates asks for boxes",
+            ),
+            equal => {
+                let why = format!("{} triangles are equal to others, but without them {DUPLICATES}", count(equal));
                 item(Omission::Duplicates, Status::NotDone, why)
             }
-        }
+        })
     }
 
     fn kernels(&self) -> Item {

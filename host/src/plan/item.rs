@@ -24,7 +24,7 @@ pub enum Omission {
     Collapse,
     /// Normals, texture coordinates, materials.
     Attributes,
-    /// All but one of equal triangles.
+    /// All but one of triangles with equal boxes, until the tree is optimised.
     Duplicates,
     /// Places at ancestors of a node that is to move.
     Ancestors,
@@ -46,7 +46,7 @@ impl fmt::Display for Omission {
             Self::Paths => "paths of the reinsertions, for the conservative strategy",
             Self::Collapse => "collapse to adaptive leaves",
             Self::Attributes => "normals, texture coordinates, materials",
-            Self::Duplicates => "all but one of equal triangles",
+            Self::Duplicates => "all but one of triangles with equal boxes",
             Self::Ancestors => "evaluation of ancestors as places to move to",
             Self::Conflicts => "searches whose moves collide: µ from the rate of conflicts",
             Self::Kernels => "kernels that no phase runs",

@@ -1,7 +1,7 @@
 //! What a run leaves out because scene, device or settings do not need it, and what it takes.
 //!
 //! A plan is made before anything runs, from the scene's census, what the device can do, and the settings; [`crate::pipeline`] follows it. No
-//! omission changes the resulting tree.
+//! omission changes the resulting tree but that of duplicates, which is made where it is asked for.
 
 mod code;
 mod decide;
@@ -20,11 +20,13 @@ pub use table::table;
 
 use crate::build::{self, CodeCensus, Codes};
 use crate::device::{DeviceError, DeviceInfo};
-use crate::pipeline::Settings;
+use crate::fold::Fold;
+use crate::pipeline::{Initial, Optimizer, Settings};
 use crate::scene::Scene;
 use prbvh_kernel::Kernel;
 use serde::Serialize;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 /// What a run will do.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -45,6 +47,11 @@ pub struct Plan {
     pub code: DeviceCode,
     /// Hash of the scene that it was made for.
     pub scene_hash: String,
+    /// References that the tree is built and optimised over: triangles, less those folded.
+    pub references: usize,
+    /// Classes of triangles with equal boxes, where they are folded.
+    #[serde(skip)]
+    pub(crate) fold: Option<Arc<Fold>>,
 }
 
 /// A plan that was made for something else, or was changed since.
@@ -82,7 +89,10 @@ impl Plan {
         let codes = dry::codes_with(enough, asked, keep);
         let collapses =
             settings.adaptive.is_some() && (needs_collapse(triangles, settings) || keep.contains(&Omission::Collapse));
+        let fold = folds(settings).then(|| Fold::of(&scene.triangles)).filter(|fold| fold.folded() > 0);
         let mut plan = Self {
+            references: fold.as_ref().map_or(triangles, Fold::len),
+            fold: fold.map(Arc::new),
             triangles,
             items: Vec::new(),
             phases: Vec::new(),
@@ -111,6 +121,9 @@ impl Plan {
         }
         let asked = Codes::from(settings.morton_bits);
         let needed = |what| Err(PlanMismatch::Needed { what });
+        if self.fold.is_some() && !folds(settings) {
+            return needed(Omission::Duplicates);
+        }
         if needs_collapse(self.triangles, settings) && !self.collapses {
             return needed(Omission::Collapse);
         }
@@ -161,6 +174,11 @@ impl Plan {
     pub fn lines(&self) -> Vec<String> {
         self.items.iter().filter(|item| item.status == Status::LeftOut).map(ToString::to_string).collect()
     }
+}
+
+/// Whether triangles of equal boxes are asked to be one reference.
+fn folds(settings: &Settings) -> bool {
+    settings.fold_duplicates && settings.optimizer != Optimizer::None && !matches!(settings.initial, Initial::File(_))
 }
 
 /// Whether a leaf may get a second triangle.

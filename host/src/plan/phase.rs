@@ -59,7 +59,7 @@ pub(super) fn phases(
     info: &DeviceInfo,
     settings: &Settings,
 ) -> Result<Phases, DeviceError> {
-    let n = scene.triangles.len();
+    let (n, references) = (scene.triangles.len(), plan.references);
     let phase = |name: String, runs, stage: &dyn Fn(&mut DryDevice) -> Result<(), DeviceError>| {
         let mut dry = DryDevice::new(info);
         stage(&mut dry)?;
@@ -68,11 +68,11 @@ pub(super) fn phases(
     let optimizes = |strategy| settings.optimizer == Optimizer::Prbvh && settings.prbvh.strategy == strategy;
     let mut phases: Vec<(PhaseBytes, Taken)> =
         vec![phase(format!("build, {}", settings.initial.method()), true, &|dry| {
-            dry.build(&settings.initial, plan.codes, &scene.triangles)
+            dry.build(&settings.initial, plan.codes, &scene.triangles[..references])
         })?];
     for strategy in [Strategy::Aggressive, Strategy::Conservative] {
         let name = format!("optimise, {strategy}");
-        phases.push(phase(name, optimizes(strategy), &|dry| dry.optimize(n, strategy, ITERATIONS))?);
+        phases.push(phase(name, optimizes(strategy), &|dry| dry.optimize(references, strategy, ITERATIONS))?);
     }
     phases.push(phase("collapse".to_owned(), plan.collapses, &|dry| dry.collapse(n))?);
     phases.push(phase("trace".to_owned(), false, &|dry| dry.trace(n))?);

@@ -147,6 +147,8 @@ pub struct Settings {
     pub optimizer: String,
     /// Settings of RBVH; none for another optimiser.
     pub rbvh: Option<RbvhSettings>,
+    /// Whether triangles of equal boxes were one reference.
+    pub fold_duplicates: bool,
     /// Locking strategy.
     pub strategy: String,
     /// Sparse search: one node in `mu` is searched per iteration, at first.

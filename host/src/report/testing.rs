@@ -75,6 +75,7 @@ pub(super) fn report(iterations: u32) -> RunReport {
             radius: None,
             treelet: None,
             optimizer: "prbvh".to_owned(),
+            fold_duplicates: false,
             rbvh: None,
             strategy: "aggressive".to_owned(),
             mu: 9,
