@@ -112,7 +112,7 @@ fn half_area(aabb: &Aabb) -> f64 {
 
 /// A row of the folded tree as one of the whole tree, which costs `added` more.
 pub(crate) fn unfolded_row(row: &IterationRow, added: f64) -> IterationRow {
-    IterationRow { cost: row.cost + added, ..row.clone() }
+    IterationRow { cost: row.cost + added, ..*row }
 }
 
 /// The same of all rows.

@@ -164,7 +164,8 @@ impl Decide<'_> {
         if strategy == Strategy::Aggressive {
             paths.saved = self.saving(&self.taken[CONSERVATIVE], taken);
         }
-        let why = "the ancestors of a node are visited as pivots, but are no candidates: they hardly ever win, and trees are as good";
+        let why = "the ancestors of a node are visited as pivots, but are no candidates: evaluated exactly they changed the final cost \
+                   of six scenes by -0.1 % to +0.5 %";
         let ancestors = item(Omission::Ancestors, Status::LeftOut, why);
         let why = MU_BY_CONFLICTS;
         Ok(vec![lock, paths, ancestors, item(Omission::Conflicts, Status::NotDone, why)])
