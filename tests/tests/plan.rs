@@ -276,7 +276,8 @@ fn a_plan_with_a_planted_fault_is_refused() {
     let settings = settings(Some(2));
     let plan = Plan::of(&scene, &info, &settings, &[]).unwrap();
     assert!(run_of(plan.clone(), &scene, &settings).is_ok());
-    let planted: [(Omission, fn(&mut Plan)); 4] = [
+    type Fault = (Omission, fn(&mut Plan));
+    let planted: [Fault; 4] = [
         (Omission::Collapse, |plan| plan.collapses = false),
         (Omission::LowerCodes, |plan| plan.codes.bits = MortonBits::Thirty),
         (Omission::EqualBits, |plan| plan.codes.high &= 0xffff),
