@@ -7,6 +7,7 @@ pub mod bvh;
 pub mod collapse;
 pub mod compare;
 pub mod device;
+mod fold;
 pub mod optimize;
 pub mod pipeline;
 pub mod plan;

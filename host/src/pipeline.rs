@@ -1,15 +1,22 @@
 //! From a scene to its best tree: safe range, initial tree, optimiser, adaptive leaves, original boxes, validation.
 
+mod feature;
+
+pub use feature::FeatureOff;
+
 use crate::build::{self, Codes, DeviceTree, MortonBits, TreeOfFileError, TreeletSize};
-use crate::bvh::{self, Bvh, Quality, SahModel, TreeFault};
+use crate::bvh::{self, Bvh, EncodeError, Quality, SahModel, TreeFault};
 use crate::collapse::{CollapseError, CollapseSettings, check_settings, collapse};
-use crate::device::{Device, DeviceError, DeviceInfo, Timing, on_host};
+use crate::device::{Device, DeviceError, DeviceInfo, Timing, Watched, on_host};
+use crate::fold::{Fold, unfold_rows, unfolded_row};
 use crate::optimize::{IterationRow, Limits, Outcome, PrbvhSettings, RbvhSettings, StopReason, prbvh, rbvh};
-use crate::plan::Plan;
+use crate::plan::{Plan, PlanMismatch};
 use crate::scene::{SafeRange, Scene};
+use prbvh_kernel::Kernel;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
 use serde::Serialize;
+use std::collections::BTreeSet;
 use std::fmt;
 use std::num::NonZeroU32;
 use std::ops::ControlFlow;
@@ -64,16 +71,6 @@ impl Initial {
     }
 }
 
-/// A method that this program was built without.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{method} is not in this program: it was built without the cargo feature `{feature}`")]
-pub struct FeatureOff {
-    /// The method.
-    pub method: &'static str,
-    /// The cargo feature that has it.
-    pub feature: &'static str,
-}
-
 /// As on the command line: `lbvh`, `ploc`, `atrbvh`, `sah-sweep`, `sah-binned`, or the path of the file.
 impl fmt::Display for Initial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -125,6 +122,9 @@ pub struct Settings {
     pub prbvh: PrbvhSettings,
     /// Adaptive leaves after the optimisation; none: one triangle per leaf.
     pub adaptive: Option<CollapseSettings>,
+    /// Triangles of equal boxes are one reference while the tree is built and optimised: faster, another tree of about the same cost. Not
+    /// for trees that nothing optimises or that come from a file.
+    pub fold_duplicates: bool,
 }
 
 impl Settings {
@@ -169,6 +169,8 @@ pub struct Optimized {
     pub collapse_timings: Vec<Timing>,
     /// What was left out and why.
     pub plan: Plan,
+    /// Kernels that ran; [`Plan::unplanned`] has none of them.
+    pub ran: BTreeSet<Kernel>,
 }
 
 /// Why there is no tree.
@@ -187,6 +189,12 @@ pub enum PipelineError {
     /// No leaf could be made of a subtree.
     #[error(transparent)]
     Collapse(#[from] CollapseError),
+    /// An unfolded tree has no form on the device.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
+    /// The plan is for something else.
+    #[error(transparent)]
+    Plan(#[from] PlanMismatch),
     /// What came back from the device is no tree over the triangles.
     #[error("the {stage} on {device} made an invalid tree: {}", bvh::summary(.faults))]
     InvalidTree {
@@ -228,28 +236,54 @@ pub fn optimize_by(
 ) -> Result<Optimized, PipelineError> {
     settings.initial.check()?;
     settings.adaptive.as_ref().map_or(Ok(()), check_settings)?;
+    plan.check_purpose(scene, settings)?;
     plan.check(device.info())?;
+    let mut watched = Watched::new(device);
+    let device: &mut dyn Device = &mut watched;
     let working = on_host(device, || SafeRange::of(&scene.triangles).apply(&scene.triangles));
+    let fold = plan.fold.clone();
+    let references = fold.as_ref().map(|fold| fold.references(&working));
+    let added = fold.as_ref().map_or(0.0, |fold| fold.added_cost(&scene.triangles, &SahModel::default()));
 
     let start = Instant::now();
-    let (tree, build_timings) = initial_tree(scene, &working, device, (&settings.initial, plan.codes))?;
+    let (mut tree, build_timings) =
+        initial_tree(scene, references.as_deref().unwrap_or(&working), device, (&settings.initial, plan.codes))?;
     let build_s = start.elapsed().as_secs_f64();
-    drop(working);
-    let (built, initial) = hand_out(&tree, scene, device, "builder")?;
+    drop(references);
+    let working = (fold.is_some() && plan.collapses).then_some(working);
+    let (built, initial) = hand_out((&tree, fold.as_deref()), scene, device, "builder")?;
     // Only kept where nothing comes after it.
     let built = matches!(settings.optimizer, Optimizer::None).then_some(built);
 
     let start = Instant::now();
-    let outcome = match &settings.optimizer {
-        Optimizer::Prbvh => prbvh(device, &tree, &settings.prbvh, &mut |row, _, _| observe(row))?,
-        Optimizer::Rbvh(settings) => on_the_host(&tree, device, settings, observe)?,
-        Optimizer::None => untouched(&initial, observe),
+    let mut observe = |row: &IterationRow| observe(&unfolded_row(row, added));
+    let below = |target: Option<f64>| target.map(|cost| cost - added);
+    let mut outcome = match &settings.optimizer {
+        Optimizer::Prbvh => {
+            let mut settings = settings.prbvh.clone();
+            settings.limits.target_cost = below(settings.limits.target_cost);
+            prbvh(device, &tree, &settings, &mut |row, _, _| observe(row))?
+        }
+        Optimizer::Rbvh(settings) => {
+            let mut settings = settings.clone();
+            settings.limits.target_cost = below(settings.limits.target_cost);
+            on_the_host(&tree, device, &settings, &mut observe)?
+        }
+        Optimizer::None => untouched(&initial, &mut observe),
     };
     let optimize_s = start.elapsed().as_secs_f64();
     let (mut best, quality) = match built {
         Some(built) => (built, initial),
-        None => hand_out(&tree, scene, device, "optimiser")?,
+        None => hand_out((&tree, fold.as_deref()), scene, device, "optimiser")?,
     };
+    if fold.is_some() {
+        unfold_rows(&mut outcome.rows, added);
+        if let Some(working) = &working {
+            // The collapse counts triangles.
+            tree.free(device);
+            tree = DeviceTree::upload(device, &best.clone().with_boxes_of(working).to_device()?)?;
+        }
+    }
     let mut adaptive = None;
     let mut collapse_timings = Vec::new();
     if let Some(settings) = settings.adaptive.as_ref().filter(|_| !plan.collapses) {
@@ -272,6 +306,7 @@ pub fn optimize_by(
         optimize_s,
         collapse_timings,
         plan,
+        ran: watched.into_kernels(),
     })
 }
 
@@ -339,14 +374,18 @@ fn initial_tree(
     Ok((DeviceTree::upload(device, &nodes)?, vec![timing]))
 }
 
-/// The device's tree with the boxes of the original triangles, validated.
+/// The device's tree, unfolded, with the boxes of the original triangles, validated.
 fn hand_out(
-    tree: &DeviceTree,
+    (tree, fold): (&DeviceTree, Option<&Fold>),
     scene: &Scene,
     device: &mut dyn Device,
     stage: &'static str,
 ) -> Result<(Bvh, Quality), PipelineError> {
     let decoded = Bvh::from_device(&tree.download(device)?);
+    let decoded = match fold {
+        Some(fold) => decoded.map(|tree| fold.unfold(tree)),
+        None => decoded,
+    };
     measured(decoded, scene, device.info(), stage, &SahModel::default())
 }
 
@@ -363,18 +402,4 @@ fn measured(
     bvh::validate(&tree, Some(&scene.triangles)).map_err(invalid)?;
     let quality = bvh::quality(&tree, sah);
     Ok((tree, quality))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_method_that_is_left_out_says_so() {
-        let initial = Initial::Atrbvh { treelet: TreeletSize::default() };
-        assert_eq!(initial.to_string(), "atrbvh");
-        assert_eq!(initial.check().is_ok(), cfg!(feature = "atrbvh"));
-        let error = FeatureOff { method: "atrbvh", feature: "atrbvh" }.to_string();
-        assert!(error.contains("without the cargo feature `atrbvh`"), "{error}");
-    }
 }

@@ -8,6 +8,7 @@ pub mod devices;
 pub mod fixtures;
 pub mod footprint;
 pub mod made_up;
+pub mod omissions;
 pub mod oracle;
 pub mod rays;
 pub mod scenes;

@@ -5,9 +5,10 @@ use prbvh::collapse::CollapseSettings;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{Device, DeviceInfo};
 use prbvh::optimize::{Limits, PrbvhSettings, Strategy};
-use prbvh::pipeline::{Initial, Settings, optimize, optimize_by};
-use prbvh::plan::{Omission, Plan, Status};
+use prbvh::pipeline::{Initial, Optimizer, PipelineError, Settings, optimize, optimize_by};
+use prbvh::plan::{DeviceCode, Omission, Plan, PlanMismatch, Status};
 use prbvh::scene::Scene;
+use prbvh::stability::CATALOGUE;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
 use prbvh_tests::command::run;
@@ -100,6 +101,7 @@ fn a_bit_too_few_makes_another_tree() {
     let triangles = with_near_pair(soup(3000, 0.1, 11));
     let census = census(&triangles);
     assert_eq!((census.differing_high, census.low_tells_more), (Codes::ALL, Some(true)));
+    assert_eq!(census.enough(MortonBits::Sixty), Codes::from(MortonBits::Sixty));
     let triangles = working(&triangles);
     let mut device = CpuDevice::new(1).unwrap();
     let enough = census.enough(MortonBits::Sixty);
@@ -259,4 +261,115 @@ fn locks_are_planned_by_the_device() {
             (atomics_64, atomics_64.into())
         );
     }
+}
+
+/// A run of a plan whose codes were changed.
+fn run_of(plan: Plan, scene: &Scene, settings: &Settings) -> Result<(), PipelineError> {
+    let mut device = CpuDevice::new(1).unwrap();
+    optimize_by(plan, scene, &mut device, settings, &mut |_| ControlFlow::Continue(())).map(|_| ())
+}
+
+#[test]
+fn a_plan_with_a_planted_fault_is_refused() {
+    let scene = Scene::from_triangles("soup", with_near_pair(soup(2000, 0.1, 4))).unwrap();
+    let info = CpuDevice::new(1).unwrap().info().clone();
+    let settings = settings(Some(2));
+    let plan = Plan::of(&scene, &info, &settings, &[]).unwrap();
+    assert!(run_of(plan.clone(), &scene, &settings).is_ok());
+    type Fault = (Omission, fn(&mut Plan));
+    let planted: [Fault; 4] = [
+        (Omission::Collapse, |plan| plan.collapses = false),
+        (Omission::LowerCodes, |plan| plan.codes.bits = MortonBits::Thirty),
+        (Omission::EqualBits, |plan| plan.codes.high &= 0xffff),
+        (Omission::EqualBits, |plan| plan.codes.low = 0),
+    ];
+    for (omission, plant) in planted {
+        let mut plan = plan.clone();
+        plant(&mut plan);
+        match run_of(plan, &scene, &settings) {
+            Err(PipelineError::Plan(PlanMismatch::Needed { what })) => assert_eq!(what, omission),
+            other => panic!("{omission}: {other:?}"),
+        }
+    }
+    let other = Scene::from_triangles("soup", soup(2001, 0.1, 4)).unwrap();
+    let refused = run_of(plan.clone(), &other, &settings);
+    assert!(matches!(refused, Err(PipelineError::Plan(PlanMismatch::Scene { .. }))), "{refused:?}");
+    let folding = Settings { fold_duplicates: true, ..settings.clone() };
+    let pairs = Scene::from_triangles("pairs", soup(40, 0.1, 4).repeat(2)).unwrap();
+    let folded = Plan::of(&pairs, &info, &folding, &[]).unwrap();
+    let refused = run_of(folded, &pairs, &settings);
+    let is_needed = matches!(refused, Err(PipelineError::Plan(PlanMismatch::Needed { what: Omission::Duplicates })));
+    assert!(is_needed, "{refused:?}");
+}
+
+#[test]
+fn a_run_takes_the_kernels_of_its_plan_and_no_others() {
+    let initials = [
+        Initial::Lbvh,
+        Initial::Ploc { radius: DEFAULT_RADIUS },
+        Initial::Atrbvh { treelet: TreeletSize::DEFAULT },
+        Initial::SahBinned,
+    ];
+    let scenes = [("soup", soup(700, 0.1, 6)), ("copies", soup(1, 0.1, 6).repeat(300)), ("one", soup(1, 0.1, 6))];
+    // Those that the data decide about.
+    let by_data = ["snapshot_restore", "collapse_jump"];
+    with_devices(|devices| {
+        for ((name, triangles), initial) in
+            scenes.iter().flat_map(|scene| initials.clone().map(|initial| (scene, initial)))
+        {
+            let scene = Scene::from_triangles(*name, triangles.clone()).unwrap();
+            for (strategy, optimizer) in [
+                (Strategy::Aggressive, Optimizer::Prbvh),
+                (Strategy::Conservative, Optimizer::Prbvh),
+                (Strategy::Aggressive, Optimizer::None),
+            ] {
+                let prbvh = PrbvhSettings { strategy, limits: Limits::iterations(30), ..PrbvhSettings::default() };
+                let settings = Settings { initial: initial.clone(), prbvh, optimizer, ..settings(Some(2)) };
+                for (device_name, device) in &mut *devices {
+                    let result =
+                        optimize(&scene, &mut **device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+                    let what = format!("{name}, {initial}, {strategy}, {} on {device_name}", settings.optimizer);
+                    let plan = &result.plan;
+                    assert_eq!(plan.unplanned(&result.ran), Vec::<&str>::new(), "{what}");
+                    let ran = DeviceCode::of(&result.ran, device.info());
+                    let idle =
+                        plan.code.kernels.iter().filter(|name| !ran.kernels.contains(name) && !by_data.contains(name));
+                    if *name == "soup" {
+                        assert_eq!(idle.collect::<Vec<_>>(), Vec::<&&str>::new(), "{what}");
+                    }
+                    assert!(plan.code.runs.spirv_bytes < plan.code.all.spirv_bytes, "{what}");
+                    // A planted fault: a kernel that is needed is not in the plan.
+                    let mut plan = plan.clone();
+                    if let Some(first) = ran.kernels.first() {
+                        plan.code.kernels.retain(|name| name != first);
+                        assert_eq!(plan.unplanned(&result.ran), [*first], "{what}");
+                    }
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn the_catalogue_has_many_plans() {
+    let folder = tempdir().unwrap();
+    std::fs::write(folder.path().join("few.obj"), obj(&soup(60, 0.1, 3))).unwrap();
+    std::fs::write(folder.path().join("lit.obj"), obj(&soup(60, 0.1, 3)) + "vn 0 0 1\nvt 0.5 0.5\n").unwrap();
+    let plan = |more: &[&str]| run(PRBVH, folder.path(), &[&["plan", "--device", "cpu"], more].concat());
+    let json = plan(&["few.obj", "lit.obj", "--catalogue", "--json"]).ok().json();
+    assert!(json["different"].as_u64().unwrap() >= 5, "{} plans", json["different"]);
+    let plans = json["plans"].as_array().unwrap();
+    assert_eq!((plans.len(), json["kinds"].as_array().unwrap().len()), (2 + CATALOGUE.len(), 2 + CATALOGUE.len()));
+    assert_ne!(json["kinds"][0], json["kinds"][1], "attributes are left out of one of them");
+    let attributes = |plan: &Value| {
+        let items = plan["plan"]["items"].as_array().unwrap();
+        items.iter().find(|item| item["omission"] == "attributes").unwrap()["saved"]["host_bytes"].clone()
+    };
+    assert_eq!((attributes(&plans[0]), attributes(&plans[1])), (0.into(), 20.into()));
+    let text = plan(&["few.obj", "lit.obj"]).ok().stdout;
+    for part in ["lit", "lower words of the Morton codes", "2 different plans for 2 scenes"] {
+        assert!(text.contains(part), "{part} is missing in {text}");
+    }
+    // The same scene twice has one plan.
+    assert!(plan(&["few.obj", "few.obj"]).ok().stdout.contains("1 different plan for 2 scenes"));
 }

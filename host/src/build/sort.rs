@@ -70,6 +70,11 @@ fn shifts(differing: u32) -> impl Iterator<Item = u32> {
     })
 }
 
+/// Passes of a sort of keys that differ in bits of `differing` alone.
+pub(super) fn passes(differing: u32) -> usize {
+    shifts(differing).count()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -10,6 +10,7 @@ use prbvh::bvh::{self, SahModel};
 use prbvh::device::{self, Device};
 use prbvh::optimize::{Epsilon, IterationRow, Limits, StopReason};
 use prbvh::pipeline::{self, Initial, Optimized, Optimizer, Settings};
+use prbvh::plan::DeviceCode;
 use prbvh::reference::{ReferenceCost, ReferenceCosts};
 use prbvh::report::{self, Machine, Memory, PhaseTimes, Program, QualityReport, RunReport, SceneReport};
 use prbvh::scene::Scene;
@@ -128,6 +129,7 @@ fn report(
         stop_reason: result.outcome.stop.to_string(),
         plan: result.plan.lines(),
         plan_items: result.plan.items.clone(),
+        code: DeviceCode::of(&result.ran, device.info()),
         settings: report::Settings {
             initial: settings.initial.to_string(),
             radius: match settings.initial {
@@ -141,6 +143,7 @@ fn report(
             strategy: value_name::<StrategyArg>(args.strategy),
             order: value_name::<OrderArg>(args.order),
             optimizer: settings.optimizer.to_string(),
+            fold_duplicates: settings.fold_duplicates,
             rbvh: match &settings.optimizer {
                 Optimizer::Rbvh(settings) => Some(settings.clone()),
                 _ => None,

@@ -4,39 +4,100 @@ use super::args::OptimizeArgs;
 use super::optimize::DEFAULT_COLUMNS;
 use super::{load_scene, print};
 use anyhow::Context;
-use prbvh::device;
+use clap::Args;
+use prbvh::device::{self, Device};
+use prbvh::pipeline::Settings;
 use prbvh::plan::{self, Plan};
-use prbvh::scene;
+use prbvh::scene::{self, Scene};
+use prbvh::stability::CATALOGUE;
+use serde_json::{Value, json};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Takes the arguments of `prbvh optimize`, and says what that would do with them.
-pub(super) fn run(args: &OptimizeArgs) -> anyhow::Result<ExitCode> {
-    anyhow::ensure!(args.out.is_none(), "--out is for `prbvh optimize`: a plan writes no files");
-    let settings = args.settings()?;
-    let device = device::open(args.device, args.threads, args.validate)?;
-    let scene = load_scene(&args.scene, args.triangles)?;
-    let plan = Plan::of(&scene, device.info(), &settings, &[])?;
-    let duplicate_boxes = scene::duplicate_boxes(&scene.triangles);
-    let refused = plan.check(device.info());
-    if args.json {
-        let census = &scene.census;
-        let json = serde_json::json!({
-            "scene": scene.name,
-            "hash": scene.hash,
-            "device": device.info().name,
-            "census": census,
-            "duplicate_boxes": duplicate_boxes,
-            "extent_decades": census.extent_decades(),
-            "area_decades": census.area_decades(),
-            "plan": plan,
-            "fits": refused.is_ok(),
-        });
-        print(&serde_json::to_string_pretty(&json).context("plan as JSON")?);
-    } else {
-        let columns = console::Term::stdout().size_checked().map_or(DEFAULT_COLUMNS, |(_, columns)| columns);
-        print(&format!("{} on {}", scene.name, device.info().name));
-        print(&plan::table(&scene.census, duplicate_boxes, &plan, columns));
+/// The arguments of `prbvh optimize`, of which only those count that a plan follows.
+#[derive(Debug, Args)]
+pub(super) struct PlanArgs {
+    #[command(flatten)]
+    optimize: OptimizeArgs,
+    /// More scenes: one table says how their plans differ.
+    #[arg(value_name = "SCENE")]
+    more: Vec<PathBuf>,
+    /// The scenes of `prbvh stability` too.
+    #[arg(long)]
+    catalogue: bool,
+}
+
+/// Says what `prbvh optimize` would do.
+pub(super) fn run(args: &PlanArgs) -> anyhow::Result<ExitCode> {
+    let PlanArgs { optimize, more, catalogue } = args;
+    anyhow::ensure!(optimize.out.is_none(), "--out is for `prbvh optimize`: a plan writes no files");
+    let settings = optimize.settings()?;
+    let device = device::open(optimize.device, optimize.threads, optimize.validate)?;
+    if more.is_empty() && !catalogue {
+        return one(optimize, &*device, &settings);
     }
-    refused?;
+    let mut plans = Vec::new();
+    let mut jsons = Vec::new();
+    let mut add = |scene: &Scene| -> anyhow::Result<()> {
+        let plan = Plan::of(scene, device.info(), &settings, &[])?;
+        if optimize.json {
+            jsons.push(to_json(scene, &plan, &*device));
+        }
+        plans.push((scene.name.clone(), plan));
+        Ok(())
+    };
+    add(&load_scene(&optimize.scene, optimize.triangles)?)?;
+    for path in more {
+        add(&load_scene(path, None)?)?;
+    }
+    if *catalogue {
+        for case in CATALOGUE {
+            add(&Scene::from_finite(case.name, case.triangles(false))?.0)?;
+        }
+    }
+    if optimize.json {
+        let kinds = plan::kinds(&plans.iter().map(|(_, plan)| plan).collect::<Vec<_>>());
+        let different = kinds.iter().max().copied().unwrap_or(0);
+        let json = json!({ "different": different, "kinds": kinds, "plans": jsons });
+        print(&serde_json::to_string_pretty(&json).context("plans as JSON")?);
+    } else {
+        print(&format!("on {}", device.info().name));
+        print(&plan::overview(&plans, columns()));
+    }
+    plans.iter().try_for_each(|(name, plan)| plan.check(device.info()).with_context(|| name.clone()))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// One scene, with its census, its phases, and why each decision is as it is.
+fn one(args: &OptimizeArgs, device: &dyn Device, settings: &Settings) -> anyhow::Result<ExitCode> {
+    let scene = load_scene(&args.scene, args.triangles)?;
+    let plan = Plan::of(&scene, device.info(), settings, &[])?;
+    if args.json {
+        print(&serde_json::to_string_pretty(&to_json(&scene, &plan, device)).context("plan as JSON")?);
+    } else {
+        print(&format!("{} on {}", scene.name, device.info().name));
+        print(&plan::table(&scene.census, scene::duplicate_boxes(&scene.triangles), &plan, columns()));
+    }
+    plan.check(device.info())?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn to_json(scene: &Scene, plan: &Plan, device: &dyn Device) -> Value {
+    let census = &scene.census;
+    json!({
+        "scene": scene.name,
+        "hash": scene.hash,
+        "device": device.info().name,
+        "census": census,
+        "duplicate_boxes": scene::duplicate_boxes(&scene.triangles),
+        "extent_decades": census.extent_decades(),
+        "area_decades": census.area_decades(),
+        "plan": plan,
+        "bytes_left_out": plan.bytes_left_out(),
+        "fits": plan.check(device.info()).is_ok(),
+    })
+}
+
+fn columns() -> u16 {
+    console::Term::stdout().size_checked().map_or(DEFAULT_COLUMNS, |(_, columns)| columns)
 }

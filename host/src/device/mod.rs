@@ -5,10 +5,12 @@ mod layer;
 pub mod record;
 mod select;
 pub mod vulkan;
+mod watched;
 
 pub use layer::Layer;
 pub use record::{Buffer, Command, Dispatch, Recording};
 pub use select::{DeviceChoice, NoSuchChoice, open};
+pub(crate) use watched::Watched;
 
 use serde::Serialize;
 

@@ -4,10 +4,12 @@ use super::{Omission, PhaseBytes};
 use crate::build::{self, Codes, DeviceTree};
 use crate::collapse;
 use crate::device::{Buffer, Command, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
-use crate::optimize::{Limits, PrbvhSettings, Strategy, prbvh};
+use crate::optimize::{Limits, Order, PrbvhSettings, Strategy, prbvh};
 use crate::pipeline::Initial;
 use crate::trace::TraceScene;
+use prbvh_kernel::Kernel;
 use prbvh_kernel::setup::Triangle;
+use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 
 /// Runs the stages' own code, so that an estimate cannot differ from what they allocate. Nothing is computed: what is read back is 0.
@@ -17,25 +19,38 @@ pub(super) struct DryDevice {
     memory: MemoryUse,
     largest: Option<Buffer>,
     dispatches: u64,
+    kernels: BTreeSet<Kernel>,
     next_id: u32,
 }
 
 /// What a stage took.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Taken {
     pub(super) peak_bytes: u64,
     pub(super) dispatches: u64,
+    /// Those that it runs on some data are among them.
+    pub(super) kernels: BTreeSet<Kernel>,
 }
+
+/// Kernels of a prefix sum and of a sort.
+const SCAN: [Kernel; 3] = [Kernel::ScanSums, Kernel::ScanSpine, Kernel::ScanApply];
+const SORT: [Kernel; 2] = [Kernel::SortCount, Kernel::SortScatter];
+/// Kernels of stages that go on by what they read back, and nothing is to be read here.
+const ROUNDS: [Kernel; 3] = [Kernel::PlocNearest, Kernel::PlocMark, Kernel::PlocMerge];
+#[cfg(feature = "atrbvh")]
+const TREELETS: [Kernel; 2] = [Kernel::AtrbvhLevels, Kernel::AtrbvhRestructure];
+const COLLAPSE: [Kernel; 4] =
+    [Kernel::CollapseSizes, Kernel::CollapsePlaces, Kernel::CollapseJump, Kernel::CollapseEmit];
 
 impl DryDevice {
     /// A device like the one with `info`, but without its limits.
     pub(super) fn new(info: &DeviceInfo) -> Self {
         let info = DeviceInfo { max_buffer_bytes: u64::MAX, memory_bytes: 0, ..info.clone() };
-        Self { info, memory: MemoryUse::default(), largest: None, dispatches: 0, next_id: 0 }
+        Self { info, memory: MemoryUse::default(), largest: None, dispatches: 0, kernels: BTreeSet::new(), next_id: 0 }
     }
 
     pub(super) fn taken(&self) -> Taken {
-        Taken { peak_bytes: self.memory.peak_bytes, dispatches: self.dispatches }
+        Taken { peak_bytes: self.memory.peak_bytes, dispatches: self.dispatches, kernels: self.kernels.clone() }
     }
 
     pub(super) fn phase(&self, phase: String, runs: bool) -> PhaseBytes {
@@ -53,7 +68,13 @@ impl DryDevice {
     pub(super) fn build(&mut self, initial: &Initial, codes: Codes, triangles: &[Triangle]) -> Result<(), DeviceError> {
         let tree = match initial {
             Initial::Lbvh => build::lbvh(self, triangles, codes)?.0,
-            Initial::Ploc { radius } => build::ploc(self, triangles, codes, *radius)?.0,
+            Initial::Ploc { radius } => {
+                let (tree, _, _) = build::ploc(self, triangles, codes, *radius)?;
+                if triangles.len() > 1 {
+                    self.kernels.extend(ROUNDS.into_iter().chain(SCAN));
+                }
+                tree
+            }
             #[cfg(feature = "atrbvh")]
             Initial::Atrbvh { treelet } => {
                 let (tree, _) = build::lbvh(self, triangles, codes)?;
@@ -62,6 +83,9 @@ impl DryDevice {
                     build::restructure(self, &tree, *treelet, &mut |_, _| {})
                 {
                     return Err(error);
+                }
+                if triangles.len() > 2 {
+                    self.kernels.extend(TREELETS.into_iter().chain(SORT).chain(SCAN));
                 }
                 tree
             }
@@ -77,12 +101,19 @@ impl DryDevice {
     pub(super) fn optimize(
         &mut self,
         triangles: usize,
-        strategy: Strategy,
+        (strategy, order): (Strategy, Order),
         iterations: u32,
     ) -> Result<(), DeviceError> {
         let tree = self.tree(triangles)?;
-        let settings = PrbvhSettings { strategy, limits: Limits::iterations(iterations), ..PrbvhSettings::default() };
+        let settings = PrbvhSettings { strategy, order, limits: Limits::iterations(iterations), ..PrbvhSettings::default() };
         prbvh(self, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(()))?;
+        // Of a list that is empty here.
+        if order == Order::LargestFirst {
+            self.kernels.insert(match strategy {
+                Strategy::Aggressive => Kernel::PrbvhSearchCandidates,
+                Strategy::Conservative => Kernel::PrbvhSearchTopCandidates,
+            });
+        }
         tree.free(self);
         Ok(())
     }
@@ -97,6 +128,7 @@ impl DryDevice {
     pub(super) fn collapse(&mut self, triangles: usize) -> Result<(), DeviceError> {
         let tree = self.tree(triangles)?;
         collapse::reserve(self, tree.references)?;
+        self.kernels.extend(COLLAPSE);
         tree.free(self);
         Ok(())
     }
@@ -141,8 +173,12 @@ impl Device for DryDevice {
     }
 
     fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
-        let is_dispatch = |(_, command): &&(&str, Command)| matches!(command, Command::Dispatch(_));
-        self.dispatches += recording.commands().iter().filter(is_dispatch).count() as u64;
+        for (_, command) in recording.commands() {
+            if let Command::Dispatch(dispatch) = command {
+                self.dispatches += 1;
+                self.kernels.insert(dispatch.kernel);
+            }
+        }
         Ok(Vec::new())
     }
 
@@ -152,7 +188,7 @@ impl Device for DryDevice {
 }
 
 /// What `without` took beyond `with`.
-pub(super) fn saving(without: Taken, with: Taken) -> super::Saving {
+pub(super) fn saving(without: &Taken, with: &Taken) -> super::Saving {
     super::Saving {
         bytes: without.peak_bytes.saturating_sub(with.peak_bytes),
         dispatches: without.dispatches.saturating_sub(with.dispatches),

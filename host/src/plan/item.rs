@@ -24,8 +24,40 @@ pub enum Omission {
     Collapse,
     /// Normals, texture coordinates, materials.
     Attributes,
-    /// All but one of equal triangles.
+    /// All but one of triangles with equal boxes, until the tree is optimised.
     Duplicates,
+    /// Places at ancestors of a node that is to move.
+    Ancestors,
+    /// Searches whose moves would be refused: µ chosen by the rate of conflicts.
+    Conflicts,
+    /// Searches that cannot find a decrease above a floor.
+    SmallDecreases,
+    /// Refits of nodes below which nothing moved.
+    UnchangedBoxes,
+    /// Kernels that no phase runs.
+    Kernels,
+}
+
+/// What it is, in words: as in the tables.
+impl fmt::Display for Omission {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Codes => "Morton codes and their sort",
+            Self::LowerCodes => "lower words of the Morton codes",
+            Self::EqualBits => "passes of the sort over bits that are equal",
+            Self::DeviceOptimizer => "locks, searches and moves on the device",
+            Self::LockWord => "locks of two 32-bit words and their extra dispatch",
+            Self::Paths => "paths of the reinsertions, for the conservative strategy",
+            Self::Collapse => "collapse to adaptive leaves",
+            Self::Attributes => "normals, texture coordinates, materials",
+            Self::Duplicates => "all but one of triangles with equal boxes",
+            Self::Ancestors => "evaluation of ancestors as places to move to",
+            Self::Conflicts => "searches whose moves collide: µ from the rate of conflicts",
+            Self::SmallDecreases => "searches for decreases below a floor",
+            Self::UnchangedBoxes => "refits of nodes below which nothing moved",
+            Self::Kernels => "kernels that no phase runs",
+        })
+    }
 }
 
 /// What became of it.
@@ -42,6 +74,18 @@ pub enum Status {
     NotDone,
 }
 
+/// As in the tables.
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::LeftOut => "left out",
+            Self::Needed => "needed",
+            Self::NoneThere => "none there",
+            Self::NotDone => "not done",
+        })
+    }
+}
+
 /// What leaving it out saves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Saving {
@@ -51,6 +95,12 @@ pub struct Saving {
     pub dispatches: u64,
     /// Dispatches of each iteration.
     pub dispatches_per_iteration: u64,
+    /// Kernels that are not compiled, on a device that compiles them when they are first run; [`Omission::Kernels`] has them all.
+    pub kernels: usize,
+    /// Bytes of their SPIR-V modules.
+    pub spirv_bytes: u64,
+    /// Memory of the host, bytes.
+    pub host_bytes: u64,
 }
 
 /// One decision: what is left out or not, why, and what that saves.
@@ -83,6 +133,14 @@ impl fmt::Display for Saving {
         if self.dispatches_per_iteration > 0 {
             parts.push(format!("{} an iteration", dispatches(self.dispatches_per_iteration)));
         }
+        if self.kernels > 0 {
+            let kernels = format::count(self.kernels as u64);
+            let plural = if self.kernels == 1 { "" } else { "s" };
+            parts.push(format!("{kernels} kernel{plural} of {} SPIR-V", format::bytes(self.spirv_bytes)));
+        }
+        if self.host_bytes > 0 {
+            parts.push(format!("{} on the host", format::bytes(self.host_bytes)));
+        }
         f.write_str(&parts.join(", "))
     }
 }
@@ -114,7 +172,10 @@ mod tests {
         assert_eq!(item.to_string(), "a word: there is a longer one");
         item.saved.dispatches_per_iteration = 1;
         assert_eq!(item.to_string(), "a word: there is a longer one (1 dispatch an iteration)");
-        item.saved = Saving { bytes: 2048, dispatches: 12, dispatches_per_iteration: 0 };
+        item.saved = Saving { bytes: 2048, dispatches: 12, ..Saving::default() };
         assert_eq!(item.to_string(), format!("a word: there is a longer one ({}, 12 dispatches)", format::bytes(2048)));
+        item.saved = Saving { kernels: 1, spirv_bytes: 10, host_bytes: 20, ..Saving::default() };
+        let [spirv, host] = [10, 20].map(format::bytes);
+        assert_eq!(item.saved.to_string(), format!("1 kernel of {spirv} SPIR-V, {host} on the host"));
     }
 }

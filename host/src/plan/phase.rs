@@ -1,7 +1,7 @@
 //! Device memory, phase by phase.
 
 use super::Plan;
-use super::dry::DryDevice;
+use super::dry::{DryDevice, Taken};
 use crate::device::{DeviceError, DeviceInfo};
 use crate::optimize::Strategy;
 use crate::pipeline::{Optimizer, Settings};
@@ -40,27 +40,41 @@ impl PhaseBytes {
     }
 }
 
+/// The phases, and what each took.
+pub(super) type Phases = (Vec<PhaseBytes>, Vec<Taken>);
+
+/// Iterations that are counted: more than one, for what is done in later ones only.
+pub(super) const ITERATIONS: u32 = 3;
+
+/// Places of phases in what [`phases`] makes.
+pub(super) const BUILD: usize = 0;
+pub(super) const AGGRESSIVE: usize = 1;
+pub(super) const CONSERVATIVE: usize = 2;
+pub(super) const COLLAPSE: usize = 3;
+
 /// The phases of the run, and those of other settings beside them. Tracing is without rays and without stacks for deep trees.
 pub(super) fn phases(
     plan: &Plan,
     scene: &Scene,
     info: &DeviceInfo,
     settings: &Settings,
-) -> Result<Vec<PhaseBytes>, DeviceError> {
-    let n = scene.triangles.len();
+) -> Result<Phases, DeviceError> {
+    let (n, references) = (scene.triangles.len(), plan.references);
     let phase = |name: String, runs, stage: &dyn Fn(&mut DryDevice) -> Result<(), DeviceError>| {
         let mut dry = DryDevice::new(info);
         stage(&mut dry)?;
-        Ok(dry.phase(name, runs))
+        Ok((dry.phase(name, runs), dry.taken()))
     };
     let optimizes = |strategy| settings.optimizer == Optimizer::Prbvh && settings.prbvh.strategy == strategy;
-    let mut phases = vec![phase(format!("build, {}", settings.initial.method()), true, &|dry| {
-        dry.build(&settings.initial, plan.codes, &scene.triangles)
-    })?];
+    let mut phases: Vec<(PhaseBytes, Taken)> =
+        vec![phase(format!("build, {}", settings.initial.method()), true, &|dry| {
+            dry.build(&settings.initial, plan.codes, &scene.triangles[..references])
+        })?];
     for strategy in [Strategy::Aggressive, Strategy::Conservative] {
-        phases.push(phase(format!("optimise, {strategy}"), optimizes(strategy), &|dry| dry.optimize(n, strategy, 0))?);
+        let name = format!("optimise, {strategy}");
+        phases.push(phase(name, optimizes(strategy), &|dry| dry.optimize(references, (strategy, settings.prbvh.order), ITERATIONS))?);
     }
     phases.push(phase("collapse".to_owned(), plan.collapses, &|dry| dry.collapse(n))?);
     phases.push(phase("trace".to_owned(), false, &|dry| dry.trace(n))?);
-    Ok(phases)
+    Ok(phases.into_iter().unzip())
 }

@@ -1,6 +1,6 @@
 //! A plan on the terminal.
 
-use super::{Plan, Status};
+use super::{Item, Plan};
 use crate::report::format;
 use crate::report::table::{empty, right};
 use crate::scene::Census;
@@ -9,8 +9,10 @@ use comfy_table::{Cell, Table};
 /// The census, the phases and the decisions, at most `width` columns wide. `duplicate_boxes` is what [`crate::scene::duplicate_boxes`] counts.
 #[must_use]
 pub fn table(census: &Census, duplicate_boxes: usize, plan: &Plan, width: u16) -> String {
-    let tables = [of_census(census, duplicate_boxes, width), of_phases(plan, width), of_items(plan, width)];
-    tables.iter().map(Table::trim_fmt).collect::<Vec<_>>().join("\n")
+    let tables = [of_census(census, duplicate_boxes, width), of_phases(plan, width), items(&plan.items, width)];
+    let mut text = tables.iter().map(Table::trim_fmt).collect::<Vec<_>>().join("\n");
+    text.push_str(&format!("\nbuffers left out: {}; device code: {}", format::bytes(plan.bytes_left_out()), plan.code));
+    text
 }
 
 fn of_census(census: &Census, duplicate_boxes: usize, width: u16) -> Table {
@@ -57,17 +59,12 @@ fn of_phases(plan: &Plan, width: u16) -> Table {
     table
 }
 
-fn of_items(plan: &Plan, width: u16) -> Table {
+/// Decisions, at most `width` columns wide.
+pub(crate) fn items(items: &[Item], width: u16) -> Table {
     let mut table = empty(width);
     table.set_header(["", "what", "why", "saves"]);
-    for item in &plan.items {
-        let status = match item.status {
-            Status::LeftOut => "left out",
-            Status::Needed => "needed",
-            Status::NoneThere => "none there",
-            Status::NotDone => "not done",
-        };
-        table.add_row([status.to_owned(), item.what.clone(), item.why.clone(), item.saved.to_string()]);
+    for item in items {
+        table.add_row([item.status.to_string(), item.what.clone(), item.why.clone(), item.saved.to_string()]);
     }
     table
 }

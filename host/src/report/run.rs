@@ -5,7 +5,7 @@ use crate::bvh::{Quality, SahModel};
 use crate::collapse::CollapseSettings;
 use crate::device::DeviceInfo;
 use crate::optimize::{IterationRow, RbvhSettings};
-use crate::plan::Item;
+use crate::plan::{DeviceCode, Item};
 use crate::reference::ReferenceCost;
 use serde::Serialize;
 
@@ -51,6 +51,8 @@ pub struct RunReport {
     pub plan: Vec<String>,
     /// Every decision about what could be left out.
     pub plan_items: Vec<Item>,
+    /// Device code that ran, and all there is.
+    pub code: DeviceCode,
     /// What was asked for.
     pub settings: Settings,
     /// Device memory.
@@ -145,6 +147,8 @@ pub struct Settings {
     pub optimizer: String,
     /// Settings of RBVH; none for another optimiser.
     pub rbvh: Option<RbvhSettings>,
+    /// Whether triangles of equal boxes were one reference.
+    pub fold_duplicates: bool,
     /// Locking strategy.
     pub strategy: String,
     /// Which nodes are searched first.

@@ -1,6 +1,7 @@
 //! The table on the terminal.
 
 use super::{RunReport, format};
+use crate::plan::{self, Status};
 use comfy_table::{Cell, CellAlignment, ColumnConstraint, ContentArrangement, LineStyle, Table, TableStyle, Width};
 
 /// Narrowest table that still reads.
@@ -10,12 +11,17 @@ const NARROWEST: u16 = 30;
 const STYLE: TableStyle = TableStyle::new().top_border(LINE).header_separator(LINE).bottom_border(LINE);
 const LINE: LineStyle = LineStyle::none().fill('─').junction('─');
 
-/// The outcome of a run and its phases, at most `width` columns wide (30 at least). Ends with a line end.
+/// The outcome of a run, what it left out, and its phases, at most `width` columns wide (30 at least). Ends with a line end.
 #[must_use]
 pub fn table(report: &RunReport, width: u16) -> String {
     let width = width.max(NARROWEST);
     let mut text = outcome(report, width).trim_fmt();
     text.push('\n');
+    let left_out: Vec<_> = report.plan_items.iter().filter(|item| item.status == Status::LeftOut).cloned().collect();
+    if !left_out.is_empty() {
+        text.push_str(&plan::items(&left_out, width).trim_fmt());
+        text.push('\n');
+    }
     if !report.phases.is_empty() {
         text.push_str(&phases(report, width).trim_fmt());
         text.push('\n');
@@ -52,6 +58,7 @@ fn outcome(report: &RunReport, width: u16) -> Table {
     let per_triangle = format::significant(memory.bytes_per_triangle);
     row("device memory", format!("{} ({per_triangle} B per triangle)", format::bytes(memory.peak_bytes)));
     let quality = &report.quality;
+    row("device code", report.code.to_string());
     row("depth", format!("{} (initially {})", quality.last.max_depth, quality.initial.max_depth));
     row("stopped", report.stop_reason.clone());
     row("tree hash", report.tree_hash.clone());
@@ -115,6 +122,8 @@ mod tests {
             "search",
             "80.0 %",
             "B per triangle",
+            "17 of 49 kernels",
+            "30 bits tell all triangles apart",
         ] {
             assert!(text.contains(part), "{part} is not in\n{text}");
         }

@@ -4,6 +4,7 @@ use super::*;
 use crate::bvh::{Quality, SahModel};
 use crate::device::{DeviceInfo, DeviceKind, Timing};
 use crate::optimize::{IterationRow, set_relative_errors};
+use crate::plan::{CodeSize, DeviceCode, Item, Omission, Saving, Status};
 
 /// A run of so many iterations whose cost falls from 312.5 towards 195, with a bump now and then.
 pub(super) fn report(iterations: u32) -> RunReport {
@@ -56,12 +57,25 @@ pub(super) fn report(iterations: u32) -> RunReport {
         build_s: 0.0423,
         stop_reason: "converged: change of cost below ε at µ = 1".to_owned(),
         plan: vec!["60-bit codes left out: 30 bits tell all triangles apart".to_owned()],
-        plan_items: Vec::new(),
+        plan_items: vec![Item {
+            omission: Omission::LowerCodes,
+            status: Status::LeftOut,
+            what: Omission::LowerCodes.to_string(),
+            why: "30 bits tell all triangles apart".to_owned(),
+            saved: Saving { bytes: 2048, ..Saving::default() },
+        }],
+        code: DeviceCode {
+            compiled_at_run: true,
+            runs: CodeSize { kernels: 17, spirv_bytes: 50_000 },
+            all: CodeSize { kernels: 49, spirv_bytes: 250_000 },
+            kernels: vec!["prbvh_search"],
+        },
         settings: Settings {
             initial: "lbvh".to_owned(),
             radius: None,
             treelet: None,
             optimizer: "prbvh".to_owned(),
+            fold_duplicates: false,
             rbvh: None,
             strategy: "aggressive".to_owned(),
             order: "interleaved".to_owned(),

@@ -40,7 +40,19 @@ pub struct Scene {
     pub census: Census,
     /// BLAKE3 of the bytes of the triangles, the first 128 bits as 32 hex digits: the same for the same triangles in any format.
     pub hash: String,
+    /// Bytes that normals, texture coordinates and colours of the file would take as float32; they are not read. 0 where there is no file.
+    pub attribute_bytes: u64,
 }
+
+/// What a reader makes of a file.
+struct Loaded {
+    triangles: Vec<Triangle>,
+    /// See [`Scene::attribute_bytes`].
+    attribute_bytes: u64,
+}
+
+/// Bytes of a number of an attribute.
+const ATTRIBUTE_NUMBER: u64 = size_of::<f32>() as u64;
 
 impl Scene {
     /// A scene of the library's user.
@@ -77,7 +89,7 @@ impl Scene {
             return Err(SceneError::NoTriangles { file: if source == "library" { name } else { source } });
         }
         let (census, hash) = rayon::join(|| Census::of(&triangles), || hash(&triangles));
-        Ok(Self { name, source, triangles, census, hash })
+        Ok(Self { name, source, triangles, census, hash, attribute_bytes: 0 })
     }
 }
 
@@ -90,13 +102,13 @@ impl Scene {
 pub fn load(path: &Path) -> Result<Scene, SceneError> {
     let opened = open::open(path)?;
     let (name, file) = (opened.name.clone(), opened.file.clone());
-    let triangles = match opened.format {
+    let Loaded { triangles, attribute_bytes } = match opened.format {
         Format::Obj => obj::read(opened),
         Format::Ply => ply::read(opened),
         Format::Stl => stl::read(opened),
         Format::Gltf => gltf::read(opened, path),
     }?;
-    Scene::screened(name, file, triangles)
+    Ok(Scene { attribute_bytes, ..Scene::screened(name, file, triangles)? })
 }
 
 /// The built-in scene of exactly `triangles` triangles (at least 1, at most [`MAX_TRIANGLES`]): a hall with columns and arches,
@@ -106,7 +118,7 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
 pub fn built_in(triangles: usize) -> Scene {
     let triangles = built_in::hall(triangles.clamp(1, MAX_TRIANGLES as usize));
     let (census, hash) = rayon::join(|| Census::of(&triangles), || hash(&triangles));
-    Scene { name: "hall".into(), source: "built-in".into(), triangles, census, hash }
+    Scene { name: "hall".into(), source: "built-in".into(), triangles, census, hash, attribute_bytes: 0 }
 }
 
 fn is_finite(t: &Triangle) -> bool {

@@ -2,16 +2,18 @@
 
 use super::error::{Blame, Place, SceneError, shorten};
 use super::open::Opened;
+use super::{ATTRIBUTE_NUMBER, Loaded};
 use prbvh_kernel::setup::Triangle;
 use std::io::{self, BufRead, Read};
 use tobj::LoadOptions;
 
 /// Reads an OBJ file. Polygons become fans; faces of fewer than three corners hold no triangle.
-pub(super) fn read(mut opened: Opened) -> Result<Vec<Triangle>, SceneError> {
+pub(super) fn read(mut opened: Opened) -> Result<Loaded, SceneError> {
     let options = LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
     let mut statements = Statements::new(&mut opened);
     let loaded = tobj::load_obj_buf(&mut statements, &options, |_| Ok(Default::default()));
     let fault = statements.fault.take();
+    let attribute_bytes = statements.attributes * ATTRIBUTE_NUMBER;
     let blame = Blame(&opened.file);
     let (models, _) = match (loaded, fault) {
         (_, Some(Fault::Scene(fault))) => return Err(fault),
@@ -29,7 +31,7 @@ pub(super) fn read(mut opened: Opened) -> Result<Vec<Triangle>, SceneError> {
             Triangle { a, b, c }
         }));
     }
-    Ok(triangles)
+    Ok(Loaded { triangles, attribute_bytes })
 }
 
 /// Why the text ended early.
@@ -50,6 +52,8 @@ struct Statements<'a> {
     read: usize,
     vertices: u64,
     triangles: u64,
+    /// Numbers of normals and texture coordinates.
+    attributes: u64,
     /// The greatest index so far, and its line: a face may come before its vertices.
     greatest: (u64, u64),
     fault: Option<Fault>,
@@ -68,6 +72,7 @@ impl<'a> Statements<'a> {
             read: 0,
             vertices: 0,
             triangles: 0,
+            attributes: 0,
             greatest: (0, 0),
             fault: None,
         }
@@ -140,6 +145,7 @@ impl<'a> Statements<'a> {
                     blame.limit(self.triangles)?;
                 }
             }
+            Some(b"vn" | b"vt") => self.attributes += words.count() as u64,
             _ => {}
         }
         Ok(())

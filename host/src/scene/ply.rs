@@ -2,13 +2,14 @@
 
 use super::error::{Blame, Place, SceneError, shorten};
 use super::open::Opened;
+use super::{ATTRIBUTE_NUMBER, Loaded};
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType};
 use prbvh_kernel::setup::Triangle;
 use std::io::{self, BufRead};
 
 /// Reads a PLY file. Polygons become fans; faces of fewer than three corners hold no triangle.
-pub(super) fn read(opened: Opened) -> Result<Vec<Triangle>, SceneError> {
+pub(super) fn read(opened: Opened) -> Result<Loaded, SceneError> {
     let blame = Blame(&opened.file);
     let mut reader = Reader::new(opened.bytes);
     let header =
@@ -18,6 +19,7 @@ pub(super) fn read(opened: Opened) -> Result<Vec<Triangle>, SceneError> {
 
     let mut corners: Vec<[f32; 3]> = Vec::new();
     let mut faces = Faces::default();
+    let mut attribute_bytes = 0;
     for definition in elements_with_data(&header) {
         match definition.name.as_str() {
             "vertex" => {
@@ -27,12 +29,15 @@ pub(super) fn read(opened: Opened) -> Result<Vec<Triangle>, SceneError> {
                     corners.push(vertex.0);
                     Ok(())
                 })?;
+                // Beside the three coordinates.
+                let others = definition.properties.len() as u64 - 3;
+                attribute_bytes += others * ATTRIBUTE_NUMBER * definition.count as u64;
             }
             "face" => source.each(definition, "face", |place, face: Face| faces.push(blame, place, &face))?,
             _ => source.each(definition, "element", |_, Passed| Ok(()))?,
         }
     }
-    faces.triangles(blame, &corners)
+    Ok(Loaded { triangles: faces.triangles(blame, &corners)?, attribute_bytes })
 }
 
 /// Elements without properties have no bytes, however many the header announces.

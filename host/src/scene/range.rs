@@ -9,6 +9,9 @@ const LARGEST: i32 = 54;
 /// Coordinates are multiples of 2^-62 after scaling.
 const GRID: i32 = 62;
 
+/// A float32 of at least this magnitude is a whole number, as is its product with a power of two.
+const WHOLE: f64 = (1u32 << 24) as f64;
+
 /// A power of two that brings a scene into the safe range.
 ///
 /// The largest |coordinate| comes to lie in [2^54, 2^55): half surface areas stay below 2^114, which leaves room for sums of
@@ -47,7 +50,12 @@ impl SafeRange {
     pub fn apply(&self, triangles: &[Triangle]) -> Vec<Triangle> {
         // Scaling and rounding in float64 are exact up to the one rounding to the grid.
         let (to_grid, from_grid) = (power_of_two(self.exponent + GRID), power_of_two(-GRID));
-        let work = |x: f32| ((f64::from(x) * to_grid).round_ties_even() * from_grid + 0.0) as f32;
+        let work = |x: f32| {
+            let cells = f64::from(x) * to_grid;
+            // A float32 of 24 bits that is beyond them is a whole number, which need not be rounded: a slow call on many CPUs.
+            let cells = if cells.abs() >= WHOLE { cells } else { cells.round_ties_even() };
+            (cells * from_grid + 0.0) as f32
+        };
         triangles.par_iter().map(|t| Triangle { a: t.a.map(work), b: t.b.map(work), c: t.c.map(work) }).collect()
     }
 }

@@ -2,6 +2,7 @@
 
 use super::error::{Blame, Place, SceneError};
 use super::open::Opened;
+use super::{ATTRIBUTE_NUMBER, Loaded};
 use prbvh_kernel::setup::Triangle;
 use std::io::Cursor;
 
@@ -11,7 +12,7 @@ const FREE_BYTES: usize = 80;
 const FACET_BYTES: u64 = 50;
 
 /// Reads an STL file. Normals and attributes are passed over.
-pub(super) fn read(mut opened: Opened) -> Result<Vec<Triangle>, SceneError> {
+pub(super) fn read(mut opened: Opened) -> Result<Loaded, SceneError> {
     let mut bytes = opened.read_all()?;
     let blame = Blame(&opened.file);
     let mut triangles = Vec::new();
@@ -25,7 +26,9 @@ pub(super) fn read(mut opened: Opened) -> Result<Vec<Triangle>, SceneError> {
             read_facets(blame, solid, &mut triangles)?;
         }
     }
-    Ok(triangles)
+    // A normal per facet.
+    let attribute_bytes = 3 * ATTRIBUTE_NUMBER * triangles.len() as u64;
+    Ok(Loaded { triangles, attribute_bytes })
 }
 
 /// A file is text if it begins with `solid`, unless its length is exactly that of the binary file its header announces.

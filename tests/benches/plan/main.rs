@@ -1,17 +1,20 @@
-//! `cargo xtask bench --plan`: every omission that keeps the tree, with and without it in turn. The trees must be the same, bit for bit.
+//! `cargo xtask bench --plan`: every omission that keeps the tree, with and without it in turn, and what each is worth over all scenes. Fails if
+//! two trees are not the same, bit for bit.
 
 use clap::Parser;
 use prbvh::bvh::tree_hash;
 use prbvh::collapse::CollapseSettings;
-use prbvh::compare::median;
 use prbvh::device::{self, Device, DeviceChoice};
 use prbvh::optimize::{Limits, PrbvhSettings};
 use prbvh::pipeline::{Optimized, Settings, optimize_by};
-use prbvh::plan::{Omission, Plan};
+use prbvh::plan::{Omission, Plan, Status};
 use prbvh::report::{Machine, Program};
 use prbvh::scene::{self, Scene};
+use prbvh_tests::bench::stats::median;
 use prbvh_tests::fixtures::{flat, grid, soup};
+use prbvh_tests::omissions::{Measured, Narrow, summary};
 use std::ops::ControlFlow;
+use std::process::ExitCode;
 use std::time::Instant;
 
 /// Measures what is left out.
@@ -34,14 +37,14 @@ struct Arguments {
     bench: bool,
 }
 
-fn main() {
+fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let mut device = device::open(arguments.device, 0, false).unwrap_or_else(|error| panic!("{error}"));
     let (machine, program) = (Machine::current(), Program::current());
     println!("prbvh {} ({}), {} cores, on {}", program.version, program.commit, machine.cores, device.info().name);
-    println!("\nBuild and collapse of the initial tree, medians of {}.", arguments.repeat.max(1));
+    println!("\nBuild and collapse of the initial tree, iterations for locks; medians of {}.", arguments.repeat.max(1));
     println!(
-        "\n| scene | triangles | left out | without it, ms | with it, ms | saved, ms | bytes saved | plan, ms | tree |"
+        "\n| scene | triangles | left out | without it, ms | with it, ms | saved, ms | bytes without | with | tree |"
     );
     println!("|---|--:|---|--:|--:|--:|--:|--:|---|");
     let made = [
@@ -50,47 +53,85 @@ fn main() {
         ("grid", grid(200)),
         ("copies", soup(1, 0.1, 1).repeat(100_000)),
     ];
+    let mut scenes: Vec<Box<dyn Fn() -> Scene>> = Vec::new();
     for (name, triangles) in made {
-        let scene = Scene::from_triangles(name, triangles).unwrap_or_else(|error| panic!("{error}"));
-        measure(&scene, &mut *device, arguments.repeat);
+        scenes.push(Box::new(move || {
+            Scene::from_triangles(name, triangles.clone()).unwrap_or_else(|error| panic!("{error}"))
+        }));
     }
     if arguments.triangles > 0 {
-        measure(&scene::built_in(arguments.triangles), &mut *device, arguments.repeat);
+        scenes.push(Box::new(|| scene::built_in(arguments.triangles)));
     }
-    for scene in prbvh_tests::scenes::loaded(&arguments.scenes) {
-        measure(&scene, &mut *device, arguments.repeat);
+    for path in prbvh_tests::scenes::shared() {
+        if path.file_name().unwrap_or_default().to_string_lossy().contains(&arguments.scenes) {
+            scenes.push(Box::new(move || scene::load(&path).unwrap_or_else(|error| panic!("{error}"))));
+        }
     }
+    let mut rows = Vec::new();
+    let mut plans = Vec::new();
+    for scene in scenes {
+        let scene = scene();
+        let (measured, plan_seconds) = measure(&scene, &mut *device, arguments.repeat);
+        let of_scene: f64 = measured.iter().map(|row| row.seconds[1] - row.seconds[0]).sum();
+        rows.extend(measured);
+        plans.push((scene.name.clone(), plan_seconds, of_scene));
+    }
+    println!("\n| scene | plan, ms | saved by it, ms |\n|---|--:|--:|");
+    for (name, plan, saved) in plans {
+        println!("| {name} | {:.3} | {:.3} |", plan * 1e3, saved * 1e3);
+    }
+    let (text, is_same) = summary(&rows);
+    println!("\n{text}");
+    if is_same { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// The initial tree, and its collapse to leaves of one triangle: all that the omissions are in.
-fn settings() -> Settings {
+/// What is measured with and without. Other omissions change the algorithm, or cost nothing but bytes, which a plan says.
+const MEASURED: [Omission; 4] = [Omission::LowerCodes, Omission::EqualBits, Omission::Collapse, Omission::LockWord];
+
+/// Iterations for locks.
+const ITERATIONS: u32 = 9;
+
+/// The initial tree and its collapse to leaves of one triangle; iterations for the locks, which are in nothing else.
+fn settings(omission: Omission) -> Settings {
     let adaptive = CollapseSettings { max_leaf: Some(1), ..CollapseSettings::default() };
-    let prbvh = PrbvhSettings { limits: Limits::iterations(0), ..PrbvhSettings::default() };
+    let iterations = if omission == Omission::LockWord { ITERATIONS } else { 0 };
+    let prbvh = PrbvhSettings { limits: Limits::iterations(iterations), ..PrbvhSettings::default() };
     Settings { adaptive: Some(adaptive), prbvh, ..Settings::default() }
 }
 
 /// One way of a comparison.
-struct Way<'a> {
-    keep: &'a [Omission],
+struct Way {
+    omission: Omission,
+    is_kept: bool,
     seconds: Vec<f64>,
     plan_seconds: Vec<f64>,
     last: Option<Optimized>,
 }
 
-impl<'a> Way<'a> {
-    fn new(keep: &'a [Omission]) -> Self {
-        Self { keep, seconds: Vec::new(), plan_seconds: Vec::new(), last: None }
+impl Way {
+    fn new(omission: Omission, is_kept: bool) -> Self {
+        Self { omission, is_kept, seconds: Vec::new(), plan_seconds: Vec::new(), last: None }
     }
 
     fn run(&mut self, scene: &Scene, device: &mut dyn Device) {
-        let settings = settings();
+        if self.is_kept && self.omission == Omission::LockWord {
+            self.run_on(scene, &mut Narrow::new(device));
+        } else {
+            self.run_on(scene, device);
+        }
+    }
+
+    fn run_on(&mut self, scene: &Scene, device: &mut dyn Device) {
+        let settings = settings(self.omission);
+        let keep = if self.is_kept { vec![self.omission] } else { Vec::new() };
         let start = Instant::now();
-        let plan = Plan::of(scene, device.info(), &settings, self.keep).expect("it fits");
+        let plan = Plan::of(scene, device.info(), &settings, &keep).expect("it fits");
         self.plan_seconds.push(start.elapsed().as_secs_f64());
         let made = optimize_by(plan, scene, device, &settings, &mut |_| ControlFlow::Continue(()))
             .unwrap_or_else(|error| panic!("{}: {error}", scene.name));
         let collapse: f64 = made.collapse_timings.iter().map(|timing| timing.seconds).sum();
-        self.seconds.push(made.build_s + collapse);
+        let seconds = if self.omission == Omission::LockWord { made.optimize_s } else { made.build_s + collapse };
+        self.seconds.push(seconds);
         self.last = Some(made);
     }
 
@@ -104,10 +145,12 @@ impl<'a> Way<'a> {
     }
 }
 
-fn measure(scene: &Scene, device: &mut dyn Device, repetitions: usize) {
-    for omission in [Omission::LowerCodes, Omission::EqualBits, Omission::Collapse] {
-        let keep = [omission];
-        let mut ways = [Way::new(&[]), Way::new(&keep)];
+/// Prints a row per omission; returns them and the median time of a plan, seconds.
+fn measure(scene: &Scene, device: &mut dyn Device, repetitions: usize) -> (Vec<Measured>, f64) {
+    let mut rows = Vec::new();
+    let mut plan_seconds = Vec::new();
+    for omission in MEASURED {
+        let mut ways = [Way::new(omission, false), Way::new(omission, true)];
         for repetition in 0..=repetitions.max(1) {
             for way in &mut ways {
                 way.run(scene, device);
@@ -117,26 +160,24 @@ fn measure(scene: &Scene, device: &mut dyn Device, repetitions: usize) {
                     way.plan_seconds.clear();
                 }
             }
-            let hashes = ways.each_ref().map(|way| tree_hash(&way.last().tree));
-            assert_eq!(hashes[0], hashes[1], "{}: {omission:?} changes the tree", scene.name);
         }
         let [left_out, kept] = &mut ways;
-        if left_out.last().plan.codes == kept.last().plan.codes
-            && left_out.last().plan.collapses == kept.last().plan.collapses
-        {
-            println!("| {} | {} | {omission:?}: needed | | | | | | |", scene.name, scene.triangles.len());
+        plan_seconds.append(&mut left_out.plan_seconds);
+        let item = left_out.last().plan.items.iter().find(|item| item.omission == omission);
+        if item.is_none_or(|item| item.status != Status::LeftOut) {
+            println!("| {} | {} | {omission}: needed | | | | | | |", scene.name, scene.triangles.len());
             continue;
         }
-        let [with, without] =
-            [&left_out.seconds, &kept.seconds].map(|seconds| median(seconds).unwrap_or(f64::NAN) * 1e3);
-        println!(
-            "| {} | {} | {omission:?} | {with:.3} | {without:.3} | {:.3} | {} | {:.3} | {} |",
-            scene.name,
-            scene.triangles.len(),
-            without - with,
-            kept.bytes() - left_out.bytes(),
-            median(&left_out.plan_seconds).unwrap_or(f64::NAN) * 1e3,
-            tree_hash(&left_out.last().tree)
-        );
+        let row = Measured {
+            scene: scene.name.clone(),
+            triangles: scene.triangles.len(),
+            omission,
+            seconds: [median(&left_out.seconds), median(&kept.seconds)],
+            bytes: [left_out.bytes(), kept.bytes()],
+            hashes: [tree_hash(&left_out.last().tree), tree_hash(&kept.last().tree)],
+        };
+        println!("{}", row.row());
+        rows.push(row);
     }
+    (rows, median(&plan_seconds))
 }

@@ -41,10 +41,10 @@ impl Visits {
 #[must_use]
 pub fn count(nodes: &[Node]) -> Visits {
     let of_node = |v: u32| {
-        let params = PrbvhParams { count: 1, mu: 1, first: v, nodes: nodes.len() as u32 };
+        let params = PrbvhParams { count: 1, mu: 1, first: v, nodes: nodes.len() as u32, floor: 0.0 };
         let mut found = [Reinsertion::NONE];
         let mut report = [0; REPORT_WORDS as usize];
-        search(0, &params, nodes, Slot::from_mut_slice(&mut found), AtomicU32::from_mut_slice(&mut report));
+        search(v, &params, nodes, &Slot::from_mut_slice(&mut found)[0], AtomicU32::from_mut_slice(&mut report));
         let steps = report[MOST_STEPS];
         Visits { searches: 1, steps: steps.into(), most: steps, found: report[FOUND].into() }
     };

@@ -34,6 +34,7 @@ mod timestamps;
 
 pub use limits::{DeviceSummary, Missing};
 pub use selection::Selection;
+pub use shaders::spirv_bytes;
 
 use super::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
 use ash::vk;

@@ -41,6 +41,12 @@ impl Pipelines {
         };
         Ok(pipeline.handles())
     }
+
+    /// The kernels whose pipelines were made.
+    #[cfg(test)]
+    pub(super) fn made(&self) -> std::collections::BTreeSet<Kernel> {
+        self.made.keys().copied().collect()
+    }
 }
 
 struct KernelPipeline {

@@ -37,6 +37,12 @@ impl Runner {
         self.pipelines.get(kernel)
     }
 
+    /// The pipelines made so far.
+    #[cfg(test)]
+    pub(super) fn pipelines(&self) -> &Pipelines {
+        &self.pipelines
+    }
+
     /// Runs the commands one after another. Returns how long each took.
     pub(super) fn run(
         &mut self,

@@ -85,6 +85,12 @@ pub(super) fn words(kernel: Kernel) -> Vec<u32> {
     words.iter().map(|&word| u32::from_le_bytes(word)).collect()
 }
 
+/// Bytes of the SPIR-V module of a kernel.
+#[must_use]
+pub fn spirv_bytes(kernel: Kernel) -> u64 {
+    bytes(kernel).len() as u64
+}
+
 /// Opcode and operands of each instruction of a module.
 fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, &[u32])> {
     let mut rest = words.get(HEADER_WORDS..).unwrap_or_default();

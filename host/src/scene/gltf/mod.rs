@@ -6,6 +6,7 @@ mod transform;
 
 use super::error::{Blame, Place, SceneError};
 use super::open::Opened;
+use super::{ATTRIBUTE_NUMBER, Loaded};
 use accessor::Accessors;
 use gltf::json::validation::Checked;
 use gltf::mesh::Mode;
@@ -15,7 +16,7 @@ use std::path::Path;
 use transform::Transform;
 
 /// Reads a glTF file: the default scene, else the first one, else all nodes.
-pub(super) fn read(mut opened: Opened, path: &Path) -> Result<Vec<Triangle>, SceneError> {
+pub(super) fn read(mut opened: Opened, path: &Path) -> Result<Loaded, SceneError> {
     let bytes = opened.read_all()?;
     let blame = Blame(&opened.file);
     let (document, blob) = parse(blame, &bytes)?;
@@ -24,6 +25,7 @@ pub(super) fn read(mut opened: Opened, path: &Path) -> Result<Vec<Triangle>, Sce
     let accessors = Accessors { blame, buffers: &buffers };
 
     let mut triangles = Vec::new();
+    let mut attribute_bytes = 0;
     let mut seen = vec![false; document.nodes().len()];
     let mut stack: Vec<(Node<'_>, Transform)> = roots(&document).map(|node| (node, Transform::IDENTITY)).collect();
     stack.reverse();
@@ -36,6 +38,7 @@ pub(super) fn read(mut opened: Opened, path: &Path) -> Result<Vec<Triangle>, Sce
         let transform = parent.then(&Transform::of(&node.transform()));
         if let Some(mesh) = node.mesh() {
             for primitive in mesh.primitives() {
+                attribute_bytes = attributes(&primitive).saturating_add(attribute_bytes);
                 let corners = corners(&accessors, &primitive, &transform, node.index())?;
                 let faces = faces(&accessors, &primitive, corners.len())?;
                 blame.limit(triangles.len() as u64 + faces.len() as u64)?;
@@ -48,7 +51,15 @@ pub(super) fn read(mut opened: Opened, path: &Path) -> Result<Vec<Triangle>, Sce
         let children: Vec<_> = node.children().map(|child| (child, transform)).collect();
         stack.extend(children.into_iter().rev());
     }
-    Ok(triangles)
+    Ok(Loaded { triangles, attribute_bytes })
+}
+
+/// Bytes of what a primitive has beside positions.
+fn attributes(primitive: &Primitive<'_>) -> u64 {
+    let others = primitive.attributes().filter(|(semantic, _)| *semantic != Semantic::Positions);
+    let numbers = others
+        .map(|(_, accessor)| (accessor.count() as u64).saturating_mul(accessor.dimensions().multiplicity() as u64));
+    numbers.fold(0u64, u64::saturating_add).saturating_mul(ATTRIBUTE_NUMBER)
 }
 
 /// The valid document in `bytes`, and the binary chunk of a GLB file.

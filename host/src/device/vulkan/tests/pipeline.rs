@@ -3,8 +3,9 @@
 use super::{left_out, open, options, random};
 use crate::build::{MortonBits, lbvh};
 use crate::device::vulkan::{Access, Options};
-use crate::device::{Device, cpu::CpuDevice};
+use crate::device::{Device, Watched, cpu::CpuDevice};
 use crate::optimize::{Limits, PrbvhSettings, Strategy, prbvh};
+use prbvh_kernel::Kernel;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
 use std::ops::ControlFlow;
@@ -36,6 +37,22 @@ fn trees(device: &mut dyn Device, triangles: &[Triangle], bits: MortonBits, stra
     tree.free(device);
     assert_eq!(device.memory().bytes, 0, "buffers left over");
     trees
+}
+
+#[test]
+fn a_pipeline_is_made_when_its_kernel_is_first_run() {
+    if left_out("a_pipeline_is_made_when_its_kernel_is_first_run") {
+        return;
+    }
+    let mut device = open(options(Access::WherePossible));
+    assert!(device.runner.pipelines().made().is_empty());
+    let mut watched = Watched::new(&mut device);
+    let (tree, _) = lbvh(&mut watched, &soup(300), MortonBits::Thirty).unwrap();
+    tree.free(&mut watched);
+    let ran = watched.into_kernels();
+    assert!(!ran.is_empty() && ran.len() < Kernel::ALL.len());
+    assert_eq!(device.runner.pipelines().made(), ran);
+    device.close().unwrap();
 }
 
 #[test]
