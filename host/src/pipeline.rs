@@ -3,7 +3,7 @@
 use crate::build::{self, Codes, DeviceTree, MortonBits, TreeOfFileError, TreeletSize};
 use crate::bvh::{self, Bvh, Quality, SahModel, TreeFault};
 use crate::collapse::{CollapseError, CollapseSettings, check_settings, collapse};
-use crate::device::{Device, DeviceError, DeviceInfo, Timing, on_host};
+use crate::device::{Device, DeviceError, DeviceInfo, Lease, Timing, on_host};
 use crate::optimize::{IterationRow, Outcome, PrbvhSettings, RbvhSettings, StopReason, prbvh, rbvh};
 use crate::plan::Plan;
 use crate::scene::{SafeRange, Scene};
@@ -210,6 +210,7 @@ pub fn optimize_by(
     settings.initial.check()?;
     settings.adaptive.as_ref().map_or(Ok(()), check_settings)?;
     plan.check(device.info())?;
+    let device = &mut Lease::new(device);
     let working = on_host(device, || SafeRange::of(&scene.triangles).apply(&scene.triangles));
 
     let start = Instant::now();
@@ -274,6 +275,7 @@ pub fn build_initial(scene: &Scene, device: &mut dyn Device, settings: &Settings
     let settings = Settings { optimizer: Optimizer::None, adaptive: None, ..settings.clone() };
     let plan = Plan::of(scene, device.info(), &settings, &[])?;
     plan.check(device.info())?;
+    let device = &mut Lease::new(device);
     let working = on_host(device, || SafeRange::of(&scene.triangles).apply(&scene.triangles));
     let start = Instant::now();
     let (tree, timings) = initial_tree(scene, &working, device, (&settings.initial, plan.codes))?;

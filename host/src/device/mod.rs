@@ -1,10 +1,12 @@
 //! Where kernels run. An algorithm records dispatches ([`Recording`]) and hands them to a [`Device`]; it never knows which.
 
 pub mod cpu;
+mod lease;
 pub mod record;
 mod select;
 pub mod vulkan;
 
+pub(crate) use lease::Lease;
 pub use record::{Buffer, Command, Dispatch, Recording};
 pub use select::{DeviceChoice, NoSuchChoice, open};
 

@@ -5,7 +5,7 @@ use super::schedule::Schedule;
 use super::{IterationRow, PrbvhSettings, StopReason, Strategy, set_relative_errors};
 use crate::build::{DeviceTree, Scratch, arrivals_length, record_refit};
 use crate::bvh::SahModel;
-use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
+use crate::device::{Buffer, Device, DeviceError, Lease, Recording, Timing};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::cost::{COST_CHUNK, CostParams};
 use prbvh_kernel::prbvh::PrbvhParams;
@@ -47,10 +47,13 @@ pub fn prbvh(
     settings: &PrbvhSettings,
     observe: &mut dyn FnMut(&IterationRow, &DeviceTree, &mut dyn Device) -> ControlFlow<()>,
 ) -> Result<Outcome, DeviceError> {
+    let device = &mut Lease::new(device);
     let mut working_set = WorkingSet::new(device, tree, settings.strategy)?;
     let working_bytes = device.memory().bytes;
     let (rows, stop) = working_set.run(device, settings, observe)?;
     working_set.scratch.free(device);
+    // What the observer allocated is the observer's.
+    device.keep();
     Ok(Outcome { rows, stop, timings: working_set.timings, working_bytes })
 }
 
