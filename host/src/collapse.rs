@@ -2,7 +2,7 @@
 
 use crate::build::{DeviceTree, Scratch, arrivals_length};
 use crate::bvh::{self, Bvh, BvhNode, Content, NO_NODE, ROOT, SahModel, TreeFault};
-use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
+use crate::device::{Buffer, Device, DeviceError, Lease, Recording, Timing};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::collapse::{
     COST, CollapseParams, CompactNode, EmitParams, HEIGHT, LEAF, Place, PlacesParams, REMAINING, SIZE, SUBTREE_WORDS,
@@ -83,10 +83,12 @@ pub fn collapse(
 ) -> Result<Collapsed, CollapseError> {
     check_settings(settings)?;
     check_words(device, tree)?;
+    let device = &mut Lease::new(device);
     let mut scratch = Scratch::default();
-    let result = Stages { tree, scratch: &mut scratch, timings: Vec::new() }.run(device, settings);
+    let collapsed = Stages { tree, scratch: &mut scratch, timings: Vec::new() }.run(device, settings)?;
     scratch.free(device);
-    result
+    device.keep();
+    Ok(collapsed)
 }
 
 /// Refuses settings that are out of range.
@@ -167,24 +169,10 @@ impl Stages<'_> {
 
         let remaining = root[REMAINING as usize] as usize;
         let nodes = device.allocate(NODES, remaining, size_of::<CompactNode>())?;
-        let order = match device.allocate(ORDER, self.tree.references as usize, 4) {
-            Ok(order) => order,
-            Err(error) => {
-                device.free(nodes);
-                return Err(error.into());
-            }
-        };
-        match self.emit(device, count, [&subtrees, &places], [&nodes, &order]) {
-            Ok(tree) => {
-                let device_cost = self.device_cost(device, root[COST as usize])?;
-                Ok(Collapsed { nodes, order, tree, device_cost, timings: self.timings })
-            }
-            Err(error) => {
-                device.free(nodes);
-                device.free(order);
-                Err(error)
-            }
-        }
+        let order = device.allocate(ORDER, self.tree.references as usize, 4)?;
+        let tree = self.emit(device, count, [&subtrees, &places], [&nodes, &order])?;
+        let device_cost = self.device_cost(device, root[COST as usize])?;
+        Ok(Collapsed { nodes, order, tree, device_cost, timings: self.timings })
     }
 
     /// Sizes and decisions; returns the words of the root.

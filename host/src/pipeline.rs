@@ -7,7 +7,7 @@ pub use feature::FeatureOff;
 use crate::build::{self, Codes, DeviceTree, MortonBits, TreeOfFileError, TreeletSize};
 use crate::bvh::{self, Bvh, EncodeError, Quality, SahModel, TreeFault};
 use crate::collapse::{CollapseError, CollapseSettings, check_settings, collapse};
-use crate::device::{Device, DeviceError, DeviceInfo, Timing, Watched, on_host};
+use crate::device::{Device, DeviceError, DeviceInfo, Lease, Timing, Watched, on_host};
 use crate::fold::{Fold, unfold_rows, unfolded_row};
 use crate::optimize::{IterationRow, Limits, Outcome, PrbvhSettings, RbvhSettings, StopReason, prbvh, rbvh};
 use crate::plan::{Plan, PlanMismatch};
@@ -238,8 +238,8 @@ pub fn optimize_by(
     settings.adaptive.as_ref().map_or(Ok(()), check_settings)?;
     plan.check_purpose(scene, settings)?;
     plan.check(device.info())?;
-    let mut watched = Watched::new(device);
-    let device: &mut dyn Device = &mut watched;
+    let mut lease = Lease::new(device);
+    let device = &mut Watched::new(&mut lease);
     let working = on_host(device, || SafeRange::of(&scene.triangles).apply(&scene.triangles));
     let fold = plan.fold.clone();
     let references = fold.as_ref().map(|fold| fold.references(&working));
@@ -306,7 +306,7 @@ pub fn optimize_by(
         optimize_s,
         collapse_timings,
         plan,
-        ran: watched.into_kernels(),
+        ran: device.kernels(),
     })
 }
 

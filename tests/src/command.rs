@@ -1,5 +1,6 @@
 //! The `prbvh` command as a user runs it.
 
+use crate::devices::validation_is_installed;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -39,12 +40,18 @@ pub fn run(program: &str, folder: &Path, arguments: &[&str]) -> Ended {
     start(Command::new(program).current_dir(folder).args(arguments)).wait()
 }
 
-/// Starts a program. Its output goes to files, so that it never waits for a reader.
+/// Starts a program, on `--device vulkan` under the validation layer where that is installed. Its output goes to files, so that it never
+/// waits for a reader.
 ///
 /// # Panics
 /// If it cannot be started.
 #[must_use]
 pub fn start(command: &mut Command) -> Running {
+    let on_vulkan =
+        command.get_args().zip(command.get_args().skip(1)).any(|pair| pair.0 == "--device" && pair.1 == "vulkan");
+    if on_vulkan && validation_is_installed() {
+        command.arg("--validate");
+    }
     let arguments: Vec<_> = command.get_args().map(|argument| argument.to_string_lossy().into_owned()).collect();
     let (stdout, stderr) = (NamedTempFile::new().unwrap(), NamedTempFile::new().unwrap());
     command.stdin(Stdio::null()).stdout(stdout.reopen().unwrap()).stderr(stderr.reopen().unwrap());

@@ -73,7 +73,8 @@ pub fn without_vulkan() -> bool {
 }
 
 /// Whether the validation layer is there; asked once.
-fn validation_is_installed() -> bool {
+#[must_use]
+pub fn validation_is_installed() -> bool {
     static INSTALLED: OnceLock<bool> = OnceLock::new();
     *INSTALLED.get_or_init(|| match VulkanDevice::open(vulkan::Selection::Automatic, true) {
         Ok(_) => true,

@@ -1,6 +1,6 @@
 //! What plans leave out, measured with and without: rows, and a line per omission.
 
-use prbvh::device::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
+use prbvh::device::{self, Device, DeviceInfo};
 use prbvh::plan::Omission;
 use std::fmt::Write;
 
@@ -19,37 +19,17 @@ impl<'a> Narrow<'a> {
     }
 }
 
-impl Device for Narrow<'_> {
+impl device::Layer for Narrow<'_> {
+    fn inner(&self) -> &dyn Device {
+        self.device
+    }
+
+    fn inner_mut(&mut self) -> &mut dyn Device {
+        self.device
+    }
+
     fn info(&self) -> &DeviceInfo {
         &self.info
-    }
-
-    fn allocate(&mut self, label: &'static str, length: usize, element_bytes: usize) -> Result<Buffer, DeviceError> {
-        self.device.allocate(label, length, element_bytes)
-    }
-
-    fn free(&mut self, buffer: Buffer) {
-        self.device.free(buffer);
-    }
-
-    fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
-        self.device.upload(buffer, bytes)
-    }
-
-    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
-        self.device.download(buffer, bytes)
-    }
-
-    fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
-        self.device.run(recording)
-    }
-
-    fn memory(&self) -> MemoryUse {
-        self.device.memory()
-    }
-
-    fn run_on_host(&self, work: &mut (dyn FnMut() + Send)) {
-        self.device.run_on_host(work);
     }
 }
 

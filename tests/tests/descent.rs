@@ -58,9 +58,8 @@ fn the_list_has_the_nodes_that_may_gain_more_than_the_floor_in_order() {
     for n in [1, 2, 3, 40, 700] {
         let nodes = tree_of(&soup(n, 0.2, n as u64), 7).encode();
         for floor in [0.0, 1e-3, 1e-1, 1e9] {
-            let expected: Vec<u32> = (ROOT + 1..nodes.len() as u32)
-                .filter(|&input| largest_decrease(input, &nodes) > floor)
-                .collect();
+            let expected: Vec<u32> =
+                (ROOT + 1..nodes.len() as u32).filter(|&input| largest_decrease(input, &nodes) > floor).collect();
             assert_eq!(candidates(&nodes, floor), expected, "{n} triangles, floor {floor}");
         }
     }
@@ -98,10 +97,8 @@ fn a_floor_hides_the_smaller_reinsertions_and_no_others() {
         // Between two decreases that no rounding confuses.
         let gap = (middle..decreases.len() - 1).find(|&k| decreases[k] * 1.001 < decreases[k + 1]).unwrap();
         let floor = 0.5 * (decreases[gap] + decreases[gap + 1]);
-        let expected: Vec<Reinsertion> = all
-            .iter()
-            .map(|&found| if found.area_decrease > floor { found } else { Reinsertion::NONE })
-            .collect();
+        let expected: Vec<Reinsertion> =
+            all.iter().map(|&found| if found.area_decrease > floor { found } else { Reinsertion::NONE }).collect();
         assert_eq!(search(&nodes, floor), expected);
 
         let list = candidates(&nodes, floor);

@@ -82,7 +82,10 @@ fn a_target_is_that_of_the_whole_tree() {
     let mut device = CpuDevice::new(1).unwrap();
     let free = optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
     let target = 0.5 * (free.initial.sah_cost + free.quality.sah_cost);
-    let prbvh = PrbvhSettings { target_cost: Some(target), ..PrbvhSettings::default() };
+    let prbvh = PrbvhSettings {
+        limits: Limits { target_cost: Some(target), ..PrbvhSettings::default().limits },
+        ..PrbvhSettings::default()
+    };
     let settings = Settings { prbvh, ..settings };
     let result = optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
     let (costs, stop): (Vec<f64>, _) = (result.outcome.rows.iter().map(|row| row.cost).collect(), result.outcome.stop);

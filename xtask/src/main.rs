@@ -3,6 +3,8 @@
 mod bench;
 mod choices;
 mod ci;
+mod fuzz;
+mod miri;
 mod repo;
 mod setup;
 mod shaders;
@@ -26,7 +28,7 @@ enum Task {
     BuildShaders(shaders::BuildShaders),
     #[command(hide = true)]
     CompileKernels(shaders::compile::CompileKernels),
-    /// Looks for a Vulkan driver and a browser, and installs Mesa's and Chromium where there is none and it may.
+    /// Looks for a Vulkan driver, the validation layer and a browser, and installs what is missing where it may.
     Setup,
     /// Does what setup does, then runs all tests.
     Test(test::Test),
@@ -37,6 +39,10 @@ enum Task {
     Bless(choices::Bless),
     /// Repeats the choice of the presets on compare.json files, and says whether the code has the same.
     Presets(choices::Presets),
+    /// Fuzzes loaders, tree files and scenes for minutes; the tests do so for seconds.
+    Fuzz(fuzz::Fuzz),
+    /// Runs the kernels on the smallest scene under Miri, which must be installed.
+    Miri(miri::Miri),
     /// Everything that must pass before a merge.
     Ci,
     /// Checks the rules of the house that no other tool knows.
@@ -52,6 +58,8 @@ fn main() -> ExitCode {
         Task::Bench(task) => task.run().map(|()| ExitCode::SUCCESS),
         Task::Bless(task) => task.run(),
         Task::Presets(task) => task.run(),
+        Task::Fuzz(task) => task.run().map(|()| ExitCode::SUCCESS),
+        Task::Miri(task) => task.run().map(|()| ExitCode::SUCCESS),
         Task::Ci => ci::run().map(|()| ExitCode::SUCCESS),
         Task::Tidy => tidy::run().map(|()| ExitCode::SUCCESS),
     };

@@ -1,4 +1,4 @@
-//! `cargo xtask setup`: what the tests need beside Rust: a Vulkan driver and a browser.
+//! `cargo xtask setup`: what the tests need beside Rust: a Vulkan driver, its validation layer and a browser.
 
 use crate::repo;
 use crate::vulkan;
@@ -21,7 +21,7 @@ struct Need {
     advice: fn(&str) -> &'static str,
 }
 
-const NEEDS: [Need; 2] = [
+const NEEDS: [Need; 3] = [
     Need {
         name: "Vulkan driver",
         packages: &["mesa-vulkan-drivers", "libvulkan1"],
@@ -38,6 +38,20 @@ const NEEDS: [Need; 2] = [
             }
             "macos" => "`brew install molten-vk vulkan-loader`, or the Vulkan SDK of https://vulkan.lunarg.com/sdk",
             _ => "install the driver of the graphics card, or the Vulkan SDK of https://vulkan.lunarg.com/sdk",
+        },
+    },
+    Need {
+        name: "Vulkan validation layer",
+        packages: &["vulkan-validationlayers"],
+        without: "PRBVH_WITHOUT_VULKAN",
+        look: vulkan::validation_layer,
+        advice: |system| match system {
+            "linux" => {
+                "install the Vulkan validation layers with the system's package manager \
+                 (Fedora: `sudo dnf install vulkan-validation-layers`, Arch: `sudo pacman -S vulkan-validation-layers`)"
+            }
+            "macos" => "`brew install vulkan-validationlayers`, or the Vulkan SDK of https://vulkan.lunarg.com/sdk",
+            _ => "install the Vulkan SDK of https://vulkan.lunarg.com/sdk",
         },
     },
     Need {
@@ -157,8 +171,11 @@ mod tests {
         let all: Vec<&Need> = NEEDS.iter().collect();
         let lines = steps(Rights::None, &packages(&all)).map(|step| step.join(" "));
         assert_eq!(lines[0], "sudo apt-get update");
-        assert_eq!(lines[1], "sudo apt-get install -y --no-install-recommends mesa-vulkan-drivers libvulkan1 chromium");
-        let lines = steps(Rights::None, &packages(&all[1..])).map(|step| step.join(" "));
+        assert_eq!(
+            lines[1],
+            "sudo apt-get install -y --no-install-recommends mesa-vulkan-drivers libvulkan1 vulkan-validationlayers chromium"
+        );
+        let lines = steps(Rights::None, &packages(&all[2..])).map(|step| step.join(" "));
         assert_eq!(lines[1], "sudo apt-get install -y --no-install-recommends chromium");
     }
 
@@ -176,7 +193,13 @@ mod tests {
     fn what_is_missing_is_named_with_the_way_round_it() {
         let all: Vec<&Need> = NEEDS.iter().collect();
         let text = lack(&all);
-        for part in ["no Vulkan driver", "PRBVH_WITHOUT_VULKAN=1", "no browser", "PRBVH_WITHOUT_BROWSER=1"] {
+        for part in [
+            "no Vulkan driver",
+            "PRBVH_WITHOUT_VULKAN=1",
+            "no Vulkan validation layer",
+            "no browser",
+            "PRBVH_WITHOUT_BROWSER=1",
+        ] {
             assert!(text.contains(part), "{text}");
         }
         for system in ["linux", "macos", "windows"] {

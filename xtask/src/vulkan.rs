@@ -1,4 +1,4 @@
-//! Asks the Vulkan loader which devices there are. The only file of the tasks with `unsafe`.
+//! Asks the Vulkan loader which devices and layers there are. The only file of the tasks with `unsafe`.
 #![allow(unsafe_code, reason = "calls of the Vulkan loader; each block states its reason")]
 
 use ash::vk;
@@ -40,6 +40,23 @@ pub(crate) fn devices() -> Result<Vec<String>, String> {
     // SAFETY: nothing made from `instance` is left.
     unsafe { instance.destroy_instance(None) };
     names.map_err(|error| format!("a Vulkan driver that lists no devices ({error})"))
+}
+
+/// The name of the validation layer.
+///
+/// # Errors
+/// What is missing: the loader, or the layer.
+pub(crate) fn validation_layer() -> Result<String, String> {
+    const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+    // SAFETY: loading runs the initialisers of the system's Vulkan loader, which has none that matter.
+    let entry = unsafe { ash::Entry::load() }.map_err(|error| format!("no Vulkan loader: {error}"))?;
+    // SAFETY: `entry` is loaded.
+    let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
+    if layers.iter().any(|layer| layer.layer_name_as_c_str() == Ok(LAYER)) {
+        Ok(text(LAYER))
+    } else {
+        Err(format!("the Vulkan loader does not know {}", text(LAYER)))
+    }
 }
 
 fn text(name: &CStr) -> String {

@@ -3,7 +3,7 @@
 use super::codes::Codes;
 use super::order::MortonOrder;
 use super::{DeviceTree, Scratch, arrivals_length, record_refit};
-use crate::device::{Device, DeviceError, Recording, Timing};
+use crate::device::{Device, DeviceError, Lease, Recording, Timing};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::lbvh::{HierarchyParams, LeavesParams};
 use prbvh_kernel::setup::Triangle;
@@ -21,6 +21,7 @@ pub fn lbvh(
     triangles: &[Triangle],
     codes: impl Into<Codes>,
 ) -> Result<(DeviceTree, Vec<Timing>), DeviceError> {
+    let device = &mut Lease::new(device);
     let mut recording = Recording::new();
     let (sorted, mut timings) = MortonOrder::record(&mut recording, device, triangles, codes.into())?;
     let n = sorted.references;
@@ -37,5 +38,6 @@ pub fn lbvh(
     timings.extend(device.run(&recording)?);
     scratch.free(device);
     sorted.free(device);
+    device.keep();
     Ok((tree, timings))
 }

@@ -14,8 +14,6 @@ mod sweep;
 mod top_down;
 mod treelet;
 
-#[cfg(feature = "atrbvh")]
-pub(crate) use scan::Scanner;
 pub use atrbvh::{Pass, Restructured, atrbvh, restructure};
 pub use binned::sah_binned;
 pub use codes::{CodeCensus, Codes, MOST_COMPARED};
@@ -23,10 +21,12 @@ pub use from_file::{TreeOfFileError, from_file};
 pub use lbvh::lbvh;
 pub use order::MortonBits;
 pub use ploc::{DEFAULT_RADIUS, ploc};
+#[cfg(feature = "atrbvh")]
+pub(crate) use scan::Scanner;
 pub use sweep::sah_sweep;
 pub use treelet::{TreeletSize, TreeletSizeError};
 
-use crate::device::{Buffer, Device, DeviceError, DeviceInfo, Recording};
+use crate::device::{Buffer, Device, DeviceError, DeviceInfo, Lease, Recording};
 use crate::scene::MAX_TRIANGLES;
 use prbvh_kernel::Kernel;
 use prbvh_kernel::node::Node;
@@ -73,8 +73,10 @@ impl DeviceTree {
     /// If `nodes` has not the odd length of a tree.
     pub fn upload(device: &mut dyn Device, nodes: &[Node]) -> Result<Self, DeviceError> {
         assert!(nodes.len() % 2 == 1, "a binary tree has an odd number of nodes");
+        let device = &mut Lease::new(device);
         let buffer = device.allocate("nodes", nodes.len(), size_of::<Node>())?;
         device.upload(&buffer, bytemuck::cast_slice(nodes))?;
+        device.keep();
         let references = u32::try_from(nodes.len().div_ceil(2)).expect("node indices have 32 bits");
         Ok(Self { references, nodes: buffer })
     }

@@ -4,7 +4,7 @@ use super::codes::Codes;
 use super::order::MortonOrder;
 use super::scan::Scanner;
 use super::{DeviceTree, Scratch};
-use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
+use crate::device::{Buffer, Device, DeviceError, Lease, Recording, Timing};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::lbvh::LeavesParams;
 use prbvh_kernel::ploc::merge::MarkParams;
@@ -38,6 +38,7 @@ pub fn ploc(
     codes: impl Into<Codes>,
     radius: NonZeroU32,
 ) -> Result<(DeviceTree, Vec<Timing>, Progress), DeviceError> {
+    let device = &mut Lease::new(device);
     let mut recording = Recording::new();
     let (mut sorted, mut timings) = MortonOrder::record(&mut recording, device, triangles, codes.into())?;
     timings.extend(device.run(&recording)?);
@@ -68,6 +69,7 @@ pub fn ploc(
     let progress = rounds.run(device, &mut timings)?;
     tracing::debug!("PLOC: {} rounds, {} of them paired the list", progress.rounds, progress.paired_rounds);
     scratch.free(device);
+    device.keep();
     Ok((tree, timings, progress))
 }
 

@@ -5,8 +5,19 @@ use prbvh::pipeline::Settings;
 use prbvh::presets::Preset;
 
 /// Arguments whose settings a preset has: beside it they are refused. Limits, targets and leaves may stand beside it.
-pub(super) const PRESET_SETS: [&str; 11] =
-    ["initial", "radius", "treelet", "strategy", "order", "optimizer", "batch", "seed", "mu", "epsilon", "epsilon_absolute"];
+pub(super) const PRESET_SETS: [&str; 11] = [
+    "initial",
+    "radius",
+    "treelet",
+    "strategy",
+    "order",
+    "optimizer",
+    "batch",
+    "seed",
+    "mu",
+    "epsilon",
+    "epsilon_absolute",
+];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum PresetArg {

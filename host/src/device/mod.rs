@@ -2,12 +2,14 @@
 
 pub mod cpu;
 mod layer;
+mod lease;
 pub mod record;
 mod select;
 pub mod vulkan;
 mod watched;
 
 pub use layer::Layer;
+pub(crate) use lease::Lease;
 pub use record::{Buffer, Command, Dispatch, Recording};
 pub use select::{DeviceChoice, NoSuchChoice, open};
 pub(crate) use watched::Watched;

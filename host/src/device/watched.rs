@@ -1,6 +1,6 @@
 //! A device that takes note of the kernels that it runs.
 
-use super::{Buffer, Command, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
+use super::{Command, Device, DeviceError, Recording, Timing};
 use prbvh_kernel::Kernel;
 use std::collections::BTreeSet;
 
@@ -16,30 +16,18 @@ impl<'a> Watched<'a> {
     }
 
     /// The kernels that ran.
-    pub(crate) fn into_kernels(self) -> BTreeSet<Kernel> {
-        self.ran
+    pub(crate) fn kernels(&self) -> BTreeSet<Kernel> {
+        self.ran.clone()
     }
 }
 
-impl Device for Watched<'_> {
-    fn info(&self) -> &DeviceInfo {
-        self.device.info()
+impl super::Layer for Watched<'_> {
+    fn inner(&self) -> &dyn Device {
+        self.device
     }
 
-    fn allocate(&mut self, label: &'static str, length: usize, element_bytes: usize) -> Result<Buffer, DeviceError> {
-        self.device.allocate(label, length, element_bytes)
-    }
-
-    fn free(&mut self, buffer: Buffer) {
-        self.device.free(buffer);
-    }
-
-    fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
-        self.device.upload(buffer, bytes)
-    }
-
-    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
-        self.device.download(buffer, bytes)
+    fn inner_mut(&mut self) -> &mut dyn Device {
+        self.device
     }
 
     fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
@@ -49,13 +37,5 @@ impl Device for Watched<'_> {
             }
         }
         self.device.run(recording)
-    }
-
-    fn memory(&self) -> MemoryUse {
-        self.device.memory()
-    }
-
-    fn run_on_host(&self, work: &mut (dyn FnMut() + Send)) {
-        self.device.run_on_host(work);
     }
 }

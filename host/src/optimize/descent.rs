@@ -56,7 +56,6 @@ impl Descent {
     fn mu(&self) -> u32 {
         self.level.clamp(1, self.most_mu)
     }
-
 }
 
 impl Iterator for Descent {
@@ -94,7 +93,14 @@ impl Candidates {
     }
 
     /// Records the making of the list of all nodes that may gain more than `floor`; `report` gets their number.
-    pub(super) fn record(&self, recording: &mut Recording, nodes: &Buffer, node_count: u32, floor: f32, report: &Buffer) {
+    pub(super) fn record(
+        &self,
+        recording: &mut Recording,
+        nodes: &Buffer,
+        node_count: u32,
+        floor: f32,
+        report: &Buffer,
+    ) {
         let Self { flags, list, scanner } = self;
         let params = |count| PrbvhParams { count, mu: 1, first: 0, nodes: node_count, floor };
         let flagged = node_count + 1;

@@ -6,7 +6,7 @@ use super::schedule::Schedule;
 use super::{IterationRow, Order, PrbvhSettings, StopReason, set_relative_errors};
 use crate::build::{DeviceTree, Scratch, arrivals_length, record_refit};
 use crate::bvh::SahModel;
-use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
+use crate::device::{Buffer, Device, DeviceError, Lease, Recording, Timing};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::cost::{COST_CHUNK, CostParams};
 use prbvh_kernel::prbvh::PrbvhParams;
@@ -48,10 +48,13 @@ pub fn prbvh(
     settings: &PrbvhSettings,
     observe: &mut dyn FnMut(&IterationRow, &DeviceTree, &mut dyn Device) -> ControlFlow<()>,
 ) -> Result<Outcome, DeviceError> {
+    let device = &mut Lease::new(device);
     let mut working_set = WorkingSet::new(device, tree, settings)?;
     let working_bytes = device.memory().bytes;
     let (rows, stop) = working_set.run(device, settings, observe)?;
     working_set.scratch.free(device);
+    // What the observer allocated is the observer's.
+    device.keep();
     Ok(Outcome { rows, stop, timings: working_set.timings, working_bytes })
 }
 
@@ -197,7 +200,10 @@ impl<'a> WorkingSet<'a> {
                 descended = descended.min(done);
                 let mu = schedule.mu();
                 let first = (done - descended) % mu;
-                let params = PrbvhParams { count: self.node_count.saturating_sub(first).div_ceil(mu), ..self.params(mu, first, 0.0) };
+                let params = PrbvhParams {
+                    count: self.node_count.saturating_sub(first).div_ceil(mu),
+                    ..self.params(mu, first, 0.0)
+                };
                 work.mu = mu;
                 let mut recording = Recording::new();
                 recording.clear("search", &self.report);
@@ -296,10 +302,8 @@ impl<'a> WorkingSet<'a> {
             if let Some(part) = pass.list {
                 self.listed = self.list_candidates(device, std::mem::take(&mut recording), floor(part))?;
             }
-            let of_list = self.listed < self.node_count / 2;
-            let all = if of_list { self.listed } else { self.node_count };
             let params = PrbvhParams {
-                count: all.saturating_sub(pass.first).div_ceil(pass.mu),
+                count: self.listed.saturating_sub(pass.first).div_ceil(pass.mu),
                 ..self.params(pass.mu, pass.first, floor(pass.floor))
             };
             if params.count == 0 {
@@ -307,7 +311,7 @@ impl<'a> WorkingSet<'a> {
             }
             work.mu = pass.mu;
             let ends = descent.is_over() || (work.searched + params.count) >= self.node_count / SEARCHES_OF_A_ROW;
-            self.pass(device, std::mem::take(&mut recording), &params, of_list, ends, &mut work)?;
+            self.pass(device, std::mem::take(&mut recording), &params, true, ends, &mut work)?;
             if ends {
                 break;
             }

@@ -170,7 +170,9 @@ impl Decide<'_> {
         let why = MU_BY_CONFLICTS;
         let conflicts = item(Omission::Conflicts, Status::NotDone, why);
         let small = match self.settings.prbvh.order {
-            Order::LargestFirst => item(Omission::SmallDecreases, Status::LeftOut, "until the floor has come down to them"),
+            Order::LargestFirst => {
+                item(Omission::SmallDecreases, Status::LeftOut, "until the floor has come down to them")
+            }
             Order::Interleaved => item(Omission::SmallDecreases, Status::Needed, "all nodes are searched in turn"),
         };
         let why = "only nodes above a move are refitted";

@@ -105,7 +105,8 @@ impl DryDevice {
         iterations: u32,
     ) -> Result<(), DeviceError> {
         let tree = self.tree(triangles)?;
-        let settings = PrbvhSettings { strategy, order, limits: Limits::iterations(iterations), ..PrbvhSettings::default() };
+        let settings =
+            PrbvhSettings { strategy, order, limits: Limits::iterations(iterations), ..PrbvhSettings::default() };
         prbvh(self, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(()))?;
         // Of a list that is empty here.
         if order == Order::LargestFirst {

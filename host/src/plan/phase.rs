@@ -72,7 +72,9 @@ pub(super) fn phases(
         })?];
     for strategy in [Strategy::Aggressive, Strategy::Conservative] {
         let name = format!("optimise, {strategy}");
-        phases.push(phase(name, optimizes(strategy), &|dry| dry.optimize(references, (strategy, settings.prbvh.order), ITERATIONS))?);
+        phases.push(phase(name, optimizes(strategy), &|dry| {
+            dry.optimize(references, (strategy, settings.prbvh.order), ITERATIONS)
+        })?);
     }
     phases.push(phase("collapse".to_owned(), plan.collapses, &|dry| dry.collapse(n))?);
     phases.push(phase("trace".to_owned(), false, &|dry| dry.trace(n))?);

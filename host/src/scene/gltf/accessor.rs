@@ -5,14 +5,17 @@ use super::super::error::{Blame, Place, SceneError};
 use gltf::Accessor;
 use gltf::accessor::{DataType, Dimensions, Item, Iter};
 use gltf::buffer::View;
+use std::cell::Cell;
 
-/// Most elements of a sparse accessor that has no base: they take no space in the file, only in memory.
-const MOST_IMPLIED: usize = 1 << 24;
+/// Most elements of accessors without data in a file, each counted as often as it is read: they take no space in the file, only in memory.
+pub(super) const MOST_IMPLIED: usize = 1 << 20;
 
 /// Reader of the accessors of one file.
 pub(super) struct Accessors<'a> {
     pub(super) blame: Blame<'a>,
     pub(super) buffers: &'a [Vec<u8>],
+    /// What is left of [`MOST_IMPLIED`].
+    pub(super) implied: Cell<usize>,
 }
 
 impl Accessors<'_> {
@@ -49,10 +52,10 @@ impl Accessors<'_> {
         let count = accessor.count();
         match accessor.view() {
             Some(view) => self.check_range(&view, accessor.offset(), count, size)?,
-            None if count > MOST_IMPLIED => {
-                return Err(format!("{count} elements without data; at most {MOST_IMPLIED}"));
-            }
-            None => {}
+            None => match self.implied.get().checked_sub(count) {
+                Some(left) => self.implied.set(left),
+                None => return Err(format!("{count} elements without data; at most {MOST_IMPLIED} in a file")),
+            },
         }
         if let Some(sparse) = accessor.sparse() {
             if sparse.count() > count {

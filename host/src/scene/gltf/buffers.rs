@@ -5,6 +5,8 @@ use data_url::DataUrl;
 use gltf::Document;
 use gltf::buffer::Source;
 use percent_encoding::percent_decode_str;
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::Path;
 
 /// Loads all buffers of `document`, whose relative paths start at `folder`.
@@ -21,7 +23,7 @@ pub(super) fn load(
             let bytes = match buffer.source() {
                 Source::Bin => blob.take().ok_or_else(|| fault("the file has no binary chunk for it".into()))?,
                 Source::Uri(uri) if uri.starts_with("data:") => data_uri(uri).map_err(fault)?,
-                Source::Uri(uri) => beside(uri, folder).map_err(fault)?,
+                Source::Uri(uri) => beside(uri, folder, buffer.length()).map_err(fault)?,
             };
             if bytes.len() < buffer.length() {
                 return Err(fault(format!("{} bytes of {} are there", bytes.len(), buffer.length())));
@@ -37,11 +39,20 @@ fn data_uri(uri: &str) -> Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
-fn beside(uri: &str, folder: &Path) -> Result<Vec<u8>, String> {
+/// The first `length` bytes of a file, or all if it has fewer.
+fn beside(uri: &str, folder: &Path, length: usize) -> Result<Vec<u8>, String> {
     if uri.contains("://") {
         return Err(format!("\"{uri}\" is not a file beside the scene"));
     }
     let relative = percent_decode_str(uri).decode_utf8().map_err(|fault| format!("\"{uri}\": {fault}"))?;
     let path = folder.join(&*relative);
-    std::fs::read(&path).map_err(|fault| format!("{}: {fault}", path.display()))
+    let explain = |fault: io::Error| format!("{}: {fault}", path.display());
+    // A device or a pipe could go on for ever.
+    if !std::fs::metadata(&path).map_err(explain)?.is_file() {
+        return Err(format!("{}: not a regular file", path.display()));
+    }
+    let mut bytes = Vec::new();
+    let mut file = File::open(&path).map_err(explain)?.take(length as u64);
+    file.read_to_end(&mut bytes).map_err(explain)?;
+    Ok(bytes)
 }

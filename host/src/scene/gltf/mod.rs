@@ -7,11 +7,12 @@ mod transform;
 use super::error::{Blame, Place, SceneError};
 use super::open::Opened;
 use super::{ATTRIBUTE_NUMBER, Loaded};
-use accessor::Accessors;
+use accessor::{Accessors, MOST_IMPLIED};
 use gltf::json::validation::Checked;
 use gltf::mesh::Mode;
 use gltf::{Document, Gltf, Node, Primitive, Semantic};
 use prbvh_kernel::setup::Triangle;
+use std::cell::Cell;
 use std::path::Path;
 use transform::Transform;
 
@@ -22,7 +23,7 @@ pub(super) fn read(mut opened: Opened, path: &Path) -> Result<Loaded, SceneError
     let (document, blob) = parse(blame, &bytes)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let buffers = buffers::load(blame, &document, blob, folder)?;
-    let accessors = Accessors { blame, buffers: &buffers };
+    let accessors = Accessors { blame, buffers: &buffers, implied: Cell::new(MOST_IMPLIED) };
 
     let mut triangles = Vec::new();
     let mut attribute_bytes = 0;
@@ -41,7 +42,12 @@ pub(super) fn read(mut opened: Opened, path: &Path) -> Result<Loaded, SceneError
                 attribute_bytes = attributes(&primitive).saturating_add(attribute_bytes);
                 let corners = corners(&accessors, &primitive, &transform, node.index())?;
                 let faces = faces(&accessors, &primitive, corners.len())?;
-                blame.limit(triangles.len() as u64 + faces.len() as u64)?;
+                let count = triangles.len() as u64 + faces.len() as u64;
+                blame.limit(count)?;
+                // A small file may show a mesh many times.
+                triangles
+                    .try_reserve(faces.len())
+                    .map_err(|_| blame.format(Place::File, format!("no memory for {count} triangles or more")))?;
                 triangles.extend(faces.iter().map(|face| {
                     let [a, b, c] = face.map(|index| corners[index as usize]);
                     Triangle { a, b, c }

@@ -63,16 +63,6 @@ const PLAIN: &str = r#"[{"mesh":0}]"#;
 const MOVED: &str = r#"[{"matrix":[0,1,0,0,-1,0,0,0,0,0,1,0,10,20,30,1],"children":[1]},{"mesh":0,"scale":[2,2,4],"rotation":[0,0,0,1]}]"#;
 const SPARSE: &str = r#",{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3","min":[0,0,-0.5],"max":[1.5,2.25,0],"sparse":{"count":1,"indices":{"bufferView":1,"byteOffset":2,"componentType":5123},"values":{"bufferView":2}}}"#;
 
-pub(super) fn samples() -> Vec<(&'static str, Vec<u8>)> {
-    vec![
-        ("a.gltf", embedded(MOVED, INDEXED, "").into()),
-        ("a.gltf", embedded(PLAIN, r#"{"attributes":{"POSITION":2},"indices":1,"mode":5}"#, SPARSE).into()),
-        ("a.glb", glb(MOVED, INDEXED, "")),
-        ("a.glb", glb(PLAIN, r#"{"attributes":{"POSITION":2},"mode":6}"#, SPARSE)),
-        ("a.glb.gz", gzip(&glb(PLAIN, INDEXED, ""))),
-    ]
-}
-
 #[test]
 fn data_uris_blobs_and_files_beside_are_read() {
     assert_eq!(load_bytes("a.gltf", embedded(PLAIN, INDEXED, "")).unwrap().triangles, fan());

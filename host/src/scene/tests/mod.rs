@@ -4,7 +4,6 @@ mod bad_input;
 mod built_in;
 mod census;
 mod formats;
-mod fuzz;
 mod gltf_files;
 mod range;
 mod shared;

@@ -49,7 +49,7 @@ fn a_pipeline_is_made_when_its_kernel_is_first_run() {
     let mut watched = Watched::new(&mut device);
     let (tree, _) = lbvh(&mut watched, &soup(300), MortonBits::Thirty).unwrap();
     tree.free(&mut watched);
-    let ran = watched.into_kernels();
+    let ran = watched.kernels();
     assert!(!ran.is_empty() && ran.len() < Kernel::ALL.len());
     assert_eq!(device.runner.pipelines().made(), ran);
     device.close().unwrap();
