@@ -1,10 +1,12 @@
 //! From a scene to its best tree: safe range, initial tree, optimiser, adaptive leaves, original boxes, validation.
 
+mod on_host;
+
 use crate::build::{self, Codes, DeviceTree, MortonBits, TreeOfFileError, TreeletSize};
 use crate::bvh::{self, Bvh, Quality, SahModel, TreeFault};
 use crate::collapse::{CollapseError, CollapseSettings, check_settings, collapse};
 use crate::device::{Device, DeviceError, DeviceInfo, Timing, on_host};
-use crate::optimize::{IterationRow, Outcome, PrbvhSettings, RbvhSettings, StopReason, prbvh, rbvh};
+use crate::optimize::{CurrentTree, IterationRow, Outcome, PrbvhSettings, RbvhSettings, prbvh};
 use crate::plan::Plan;
 use crate::scene::{SafeRange, Scene};
 use prbvh_kernel::node::Node;
@@ -207,6 +209,20 @@ pub fn optimize_by(
     settings: &Settings,
     observe: &mut dyn FnMut(&IterationRow) -> ControlFlow<()>,
 ) -> Result<Optimized, PipelineError> {
+    optimize_watched(plan, scene, device, settings, &mut |row, _| observe(row))
+}
+
+/// [`optimize_by`] whose observer sees the tree, too.
+///
+/// # Errors
+/// As [`optimize`].
+pub fn optimize_watched(
+    plan: Plan,
+    scene: &Scene,
+    device: &mut dyn Device,
+    settings: &Settings,
+    observe: &mut dyn FnMut(&IterationRow, CurrentTree<'_>) -> ControlFlow<()>,
+) -> Result<Optimized, PipelineError> {
     settings.initial.check()?;
     settings.adaptive.as_ref().map_or(Ok(()), check_settings)?;
     plan.check(device.info())?;
@@ -220,9 +236,11 @@ pub fn optimize_by(
 
     let start = Instant::now();
     let outcome = match &settings.optimizer {
-        Optimizer::Prbvh => prbvh(device, &tree, &settings.prbvh, &mut |row, _, _| observe(row))?,
-        Optimizer::Rbvh(settings) => on_the_host(&tree, device, settings, observe)?,
-        Optimizer::None => untouched(&initial, observe),
+        Optimizer::Prbvh => prbvh(device, &tree, &settings.prbvh, &mut |row, tree, device| {
+            observe(row, CurrentTree::Device(tree, device))
+        })?,
+        Optimizer::Rbvh(settings) => on_host::rbvh(&tree, device, settings, observe)?,
+        Optimizer::None => on_host::nothing(&tree, device, &initial, observe),
     };
     let optimize_s = start.elapsed().as_secs_f64();
     let (mut best, quality) = hand_out(&tree, scene, device, "optimiser")?;
@@ -281,28 +299,6 @@ pub fn build_initial(scene: &Scene, device: &mut dyn Device, settings: &Settings
     let (handed_out, quality) = hand_out(&tree, scene, device, "builder")?;
     tree.free(device);
     Ok(Built { tree: handed_out, quality, build_s, timings })
-}
-
-/// Runs RBVH on the device's tree.
-fn on_the_host(
-    tree: &DeviceTree,
-    device: &mut dyn Device,
-    settings: &RbvhSettings,
-    observe: &mut dyn FnMut(&IterationRow) -> ControlFlow<()>,
-) -> Result<Outcome, PipelineError> {
-    let mut nodes = tree.download(device)?;
-    let outcome = rbvh(&mut nodes, settings, &mut |row, _| observe(row)).map_err(|faults| {
-        PipelineError::InvalidTree { stage: "builder", device: device.info().name.clone(), faults }
-    })?;
-    device.upload(&tree.nodes, bytemuck::cast_slice(&nodes))?;
-    Ok(outcome)
-}
-
-/// What is said of a tree that nothing optimised.
-fn untouched(initial: &Quality, observe: &mut dyn FnMut(&IterationRow) -> ControlFlow<()>) -> Outcome {
-    let row = IterationRow { cost: initial.sah_cost, ..IterationRow::default() };
-    let stop = if observe(&row).is_break() { StopReason::Cancelled } else { StopReason::NoOptimizer };
-    Outcome { rows: vec![row], stop, timings: Vec::new(), working_bytes: 0 }
 }
 
 /// The device's tree with adaptive leaves, validated.

@@ -94,6 +94,7 @@ pub(super) fn report(iterations: u32) -> RunReport {
         },
         machine: Machine::current(),
         program: Program::current(),
+        accuracy: None,
         rows,
     }
 }

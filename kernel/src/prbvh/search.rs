@@ -47,7 +47,7 @@ fn search_one(i: u32, params: &PrbvhParams, nodes: &[Node], found: &[Slot<Reinse
     let mut best = Reinsertion::NONE;
     let mut top = NO_NODE;
     if input != ROOT && input < params.nodes {
-        let (candidate, candidate_top) = best_output(input, params.nodes, nodes, report);
+        let (candidate, candidate_top, _) = best_output(input, params.nodes, nodes, report);
         if candidate != NO_NODE {
             let area_decrease = checked_area_decrease(input, candidate, nodes.parent(candidate_top), nodes);
             if area_decrease > 0.0 {
@@ -61,9 +61,11 @@ fn search_one(i: u32, params: &PrbvhParams, nodes: &[Node], found: &[Slot<Reinse
     top
 }
 
-/// The best output node and the child of its pivot above it; [`NO_NODE`] if no move promises a decrease.
+/// The best output node, the child of its pivot above it, and the area decrease as the walk added it up; [`NO_NODE`] and 0 if no move
+/// promises a decrease.
 #[inline(always)]
-fn best_output(input: u32, node_count: u32, nodes: &[Node], report: &[AtomicU32]) -> (u32, u32) {
+#[must_use]
+pub fn best_output(input: u32, node_count: u32, nodes: &[Node], report: &[AtomicU32]) -> (u32, u32, f32) {
     let internal = node_count / 2;
     let input_box = nodes[input as usize].aabb();
     let sibling = nodes.sibling(input);
@@ -144,7 +146,7 @@ fn best_output(input: u32, node_count: u32, nodes: &[Node], report: &[AtomicU32]
         status::raise(report, FAULT_SEARCH_STEPS);
     }
     report[MOST_STEPS].max(steps);
-    (output, output_top)
+    (output, output_top, best)
 }
 
 /// The area decrease of a reinsertion, from its definition; 0 if rounding could account for it or if it might close a loop (see
