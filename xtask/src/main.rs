@@ -3,6 +3,7 @@
 mod bench;
 mod choices;
 mod ci;
+mod numerics;
 mod repo;
 mod setup;
 mod shaders;
@@ -37,6 +38,8 @@ enum Task {
     Bless(choices::Bless),
     /// Repeats the choice of the presets on compare.json files, and says whether the code has the same.
     Presets(choices::Presets),
+    /// Makes the numbers of docs/numerics.md by their experiments, or with --check compares.
+    Numerics(numerics::Numerics),
     /// Everything that must pass before a merge.
     Ci,
     /// Checks the rules of the house that no other tool knows.
@@ -52,6 +55,7 @@ fn main() -> ExitCode {
         Task::Bench(task) => task.run().map(|()| ExitCode::SUCCESS),
         Task::Bless(task) => task.run(),
         Task::Presets(task) => task.run(),
+        Task::Numerics(task) => task.run(),
         Task::Ci => ci::run().map(|()| ExitCode::SUCCESS),
         Task::Tidy => tidy::run().map(|()| ExitCode::SUCCESS),
     };

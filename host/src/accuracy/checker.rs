@@ -107,19 +107,7 @@ impl<'a> NumericsCheck<'a> {
     }
 
     fn search(&mut self, row: &IterationRow, checked: &mut AccuracyRow, params: &PrbvhParams, found: &[Offer]) {
-        let mut search = SearchAccuracy { searched: params.count.into(), ..SearchAccuracy::default() };
-        for offer in found {
-            search.candidates += 1;
-            if offer.direct > 0.0 {
-                search.offered += 1;
-                search.raising += u64::from(offer.exact <= 0.0);
-                let direct = f64::from(offer.direct);
-                search.drift.add(f64::from(offer.walked) / direct - 1.0);
-                search.decrease_error.add(direct / offer.exact - 1.0);
-            } else {
-                search.refused_noise += u64::from(offer.exact <= 0.0);
-            }
-        }
+        let search = SearchAccuracy::of(params.count, found);
         if search.offered != u64::from(row.found) {
             let what = format!("the search found {} moves, and {} on the host", row.found, search.offered);
             self.breach(row, BreachKind::Search, what);

@@ -1,6 +1,6 @@
 //! What is said of every iteration.
 
-use super::Spread;
+use super::{Offer, Spread};
 use serde::Serialize;
 
 /// The numbers of a run against the referee.
@@ -57,6 +57,25 @@ pub struct SearchAccuracy {
 }
 
 impl SearchAccuracy {
+    /// Of `searched` searches, what they found.
+    #[must_use]
+    pub fn of(searched: u32, found: &[Offer]) -> Self {
+        let mut search = Self { searched: searched.into(), ..Self::default() };
+        for offer in found {
+            search.candidates += 1;
+            if offer.direct > 0.0 {
+                search.offered += 1;
+                search.raising += u64::from(offer.exact <= 0.0);
+                let direct = f64::from(offer.direct);
+                search.drift.add(f64::from(offer.walked) / direct - 1.0);
+                search.decrease_error.add(direct / offer.exact - 1.0);
+            } else {
+                search.refused_noise += u64::from(offer.exact <= 0.0);
+            }
+        }
+        search
+    }
+
     /// Adds other searches.
     pub(super) fn merge(&mut self, other: &Self) {
         self.searched += other.searched;
@@ -124,5 +143,67 @@ impl AccuracyReport {
             many => format!(" (and {} more)", many - 1),
         };
         Some(format!("the numbers are not what they should be: iteration {iteration}: {what}{others}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(iteration: u32, cost_error: f64) -> AccuracyRow {
+        AccuracyRow {
+            iteration,
+            time_s: 0.0,
+            exact_cost: 1.0,
+            cost_error,
+            predicted_decrease: 2.0,
+            measured_decrease: 1.5,
+            prediction_bound: None,
+            search: None,
+        }
+    }
+
+    fn report(errors: &[f64]) -> AccuracyReport {
+        let rows = (0..).zip(errors).map(|(k, error)| row(k, *error)).collect();
+        AccuracyReport { cost_bound: 1e-5, search: None, breaches: Vec::new(), rows }
+    }
+
+    #[test]
+    fn the_worst_row_is_the_largest_error_or_none_at_all() {
+        let worst = |errors: &[f64]| report(errors).worst_cost().map(|row| row.iteration);
+        assert_eq!((worst(&[]), worst(&[0.0, 3.0, 2.0]), worst(&[0.0, f64::NAN, 2.0])), (None, Some(1), Some(1)));
+        assert_eq!(report(&[0.0, 0.0]).decreases(), (4.0, 3.0));
+    }
+
+    #[test]
+    fn a_verdict_names_the_first_breach() {
+        let mut report = report(&[0.0]);
+        assert!(report.is_green() && report.verdict().is_none());
+        let breach = |iteration| Breach { iteration, kind: BreachKind::Cost, what: "off".to_owned() };
+        report.breaches.push(breach(4));
+        assert!(!report.is_green() && report.verdict().is_some_and(|line| line.ends_with("iteration 4: off")));
+        report.breaches.push(breach(5));
+        assert!(report.verdict().is_some_and(|line| line.ends_with("iteration 4: off (and 1 more)")));
+    }
+
+    /// Every count by a move that it is for.
+    #[test]
+    fn moves_are_counted_by_what_they_are() {
+        let offer = |walked, direct, exact| Offer { input: 1, output: 2, walked, direct, exact };
+        let found = [
+            offer(1.0, 1.0, 1.0),
+            offer(3.0, 2.0, 2.0),
+            offer(1.0, 1.0, -1.0),
+            offer(1.0, 0.0, -1.0),
+            offer(1.0, 0.0, 0.5),
+        ];
+        let search = SearchAccuracy::of(9, &found);
+        assert_eq!((search.searched, search.candidates, search.offered), (9, 5, 3));
+        assert_eq!((search.raising, search.refused_noise), (1, 1));
+        assert_eq!((search.drift.count, search.drift.zeros, search.drift.max), (3, 2, 0.5));
+        assert_eq!((search.decrease_error.zeros, search.decrease_error.max), (2, 2.0));
+        let mut twice = search.clone();
+        twice.merge(&search);
+        assert_eq!(twice, SearchAccuracy::of(18, &[found, found].concat()));
     }
 }

@@ -67,10 +67,17 @@ pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
     if let StopReason::Fault(_) = result.outcome.stop {
         anyhow::bail!("{}; the best tree before it was kept", result.outcome.stop);
     }
-    if let Some(wrong) = report.accuracy.as_ref().and_then(AccuracyReport::verdict) {
-        anyhow::bail!(wrong);
-    }
+    judge(report.accuracy.as_ref())?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// # Errors
+/// If the numbers were checked and are not as they must be.
+fn judge(accuracy: Option<&AccuracyReport>) -> anyhow::Result<()> {
+    match accuracy.and_then(AccuracyReport::verdict) {
+        Some(wrong) => anyhow::bail!(wrong),
+        None => Ok(()),
+    }
 }
 
 /// What the reference file has for the scene.
@@ -202,4 +209,20 @@ fn max_iterations(settings: &Settings) -> Option<u32> {
 
 fn value_name<T: ValueEnum>(value: T) -> String {
     value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use prbvh::accuracy::{Breach, BreachKind};
+
+    #[test]
+    fn wrong_numbers_are_an_error() {
+        let mut accuracy = AccuracyReport { cost_bound: 1e-5, search: None, breaches: Vec::new(), rows: Vec::new() };
+        assert!(judge(None).is_ok() && judge(Some(&accuracy)).is_ok());
+        let what = "the cost is 3, 2 in f64".to_owned();
+        accuracy.breaches.push(Breach { iteration: 7, kind: BreachKind::Cost, what });
+        let error = judge(Some(&accuracy)).unwrap_err().to_string();
+        assert!(error.contains("iteration 7: the cost is 3, 2 in f64"), "{error}");
+    }
 }
