@@ -37,9 +37,9 @@ pub fn without_threshold(input: u32, nodes: &[Node]) -> Reinsertion {
     if input == ROOT {
         return best;
     }
-    let above: Vec<u32> = ancestors(input, nodes);
+    let above = Above::of(input, nodes);
     for output in 1..nodes.len() as u32 {
-        if output == input || output == nodes.sibling(input) || above.contains(&output) {
+        if output == input || output == nodes.sibling(input) || above.has(output) {
             continue;
         }
         let area_decrease = area_decrease(input, output, &above, nodes);
@@ -50,13 +50,29 @@ pub fn without_threshold(input: u32, nodes: &[Node]) -> Reinsertion {
     best
 }
 
-/// From the parent to the root.
-fn ancestors(v: u32, nodes: &[Node]) -> Vec<u32> {
-    std::iter::successors(Some(v), |&v| (v != ROOT).then(|| nodes.parent(v))).skip(1).collect()
+/// The nodes above a node.
+struct Above {
+    /// From the parent to the root.
+    path: Vec<u32>,
+    is_above: Vec<bool>,
+}
+
+impl Above {
+    fn of(v: u32, nodes: &[Node]) -> Self {
+        let path: Vec<u32> =
+            std::iter::successors(Some(v), |&v| (v != ROOT).then(|| nodes.parent(v))).skip(1).collect();
+        let mut is_above = vec![false; nodes.len()];
+        path.iter().for_each(|&v| is_above[v as usize] = true);
+        Self { path, is_above }
+    }
+
+    fn has(&self, v: u32) -> bool {
+        self.is_above[v as usize]
+    }
 }
 
 /// The sum of `prbvh_kernel::prbvh` in float32; 0 where the output lies below the input or the move might close a loop.
-fn area_decrease(input: u32, output: u32, above: &[u32], nodes: &[Node]) -> f32 {
+fn area_decrease(input: u32, output: u32, above: &Above, nodes: &[Node]) -> f32 {
     let aabb = |v: u32| nodes[v as usize].aabb();
     let (input_box, sibling) = (aabb(input), nodes.sibling(input));
     if !is_loop_free(input, output, above, nodes) {
@@ -64,25 +80,25 @@ fn area_decrease(input: u32, output: u32, above: &[u32], nodes: &[Node]) -> f32 
     }
     let mut increase = 0.0;
     let mut pivot = nodes.parent(output);
-    while !above.contains(&pivot) {
+    while !above.has(pivot) {
         increase += aabb(pivot).union(input_box).half_area() - aabb(pivot).half_area();
         pivot = nodes.parent(pivot);
     }
     let mut decrease = 0.0;
     let mut without = aabb(sibling);
-    for pair in above.windows(2).take_while(|pair| pair[0] != pivot && pair[1] != pivot) {
+    for pair in above.path.windows(2).take_while(|pair| pair[0] != pivot && pair[1] != pivot) {
         without = without.union(aabb(nodes.sibling(pair[0])));
         decrease += aabb(pair[1]).half_area() - without.half_area();
     }
-    aabb(above[0]).half_area() - aabb(output).union(input_box).half_area() + (decrease - increase)
+    aabb(above.path[0]).half_area() - aabb(output).union(input_box).half_area() + (decrease - increase)
 }
 
 /// Whether every node on the way down to the output, the sibling excepted, has a larger area than the input: see `prbvh_kernel::prbvh`.
 /// Below the input there is none.
-fn is_loop_free(input: u32, output: u32, above: &[u32], nodes: &[Node]) -> bool {
+fn is_loop_free(input: u32, output: u32, above: &Above, nodes: &[Node]) -> bool {
     let area = |v: u32| nodes[v as usize].aabb().half_area();
     let (sibling, mut v) = (nodes.sibling(input), nodes.parent(output));
-    while !above.contains(&v) {
+    while !above.has(v) {
         if v == input || v != sibling && area(v) <= area(input) {
             return false;
         }
@@ -99,7 +115,7 @@ pub fn published(input: u32, nodes: &[Node]) -> Reinsertion {
     }
     match published_walk(input, nodes) {
         Some(Candidate { output, area_decrease, .. })
-            if is_loop_free(input, output, &ancestors(input, nodes), nodes) =>
+            if is_loop_free(input, output, &Above::of(input, nodes), nodes) =>
         {
             Reinsertion { area_decrease, output }
         }

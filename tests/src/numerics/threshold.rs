@@ -14,7 +14,7 @@ use prbvh_kernel::node::{NO_NODE, Node};
 use prbvh_kernel::prbvh::Reinsertion;
 
 /// Iterations after which a run counts as endless.
-const MANY: u32 = 100;
+const MANY: u32 = 50;
 
 /// What a search offers in a tree.
 #[derive(Clone, Debug, PartialEq)]
