@@ -86,7 +86,8 @@ mod tests {
             let taken = offers.iter().filter(|offer| offer.direct > 0.0);
             let taken: Vec<_> = taken.map(|offer| (offer.input, offer.output, offer.direct)).collect();
             let expected: Vec<_> = expected.map(|(i, one)| (params.input(i), one.output, one.area_decrease)).collect();
-            assert!(taken == expected && taken.len() > 20, "µ {mu}: {} offers", taken.len());
+            assert_eq!(taken, expected, "µ {mu}");
+            assert!(taken.len() > 10, "µ {mu}: {} offers", taken.len());
         }
     }
 
