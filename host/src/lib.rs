@@ -2,6 +2,7 @@
 //!
 //! Data flows one way: scene → triangles → boxes → Morton order → initial tree → reinsertion → best tree → report.
 
+pub mod accuracy;
 pub mod build;
 pub mod bvh;
 pub mod collapse;

@@ -1,6 +1,7 @@
 //! From a scene to its best tree: safe range, initial tree, optimiser, adaptive leaves, original boxes, validation.
 
 mod feature;
+mod on_host;
 
 pub use feature::FeatureOff;
 
@@ -9,7 +10,7 @@ use crate::bvh::{self, Bvh, EncodeError, Quality, SahModel, TreeFault};
 use crate::collapse::{CollapseError, CollapseSettings, check_settings, collapse};
 use crate::device::{Device, DeviceError, DeviceInfo, Lease, Timing, Watched, on_host};
 use crate::fold::{Fold, unfold_rows, unfolded_row};
-use crate::optimize::{IterationRow, Limits, Outcome, PrbvhSettings, RbvhSettings, StopReason, prbvh, rbvh};
+use crate::optimize::{CurrentTree, IterationRow, Limits, Outcome, PrbvhSettings, RbvhSettings, prbvh};
 use crate::plan::{Plan, PlanMismatch};
 use crate::scene::{SafeRange, Scene};
 use prbvh_kernel::Kernel;
@@ -234,6 +235,20 @@ pub fn optimize_by(
     settings: &Settings,
     observe: &mut dyn FnMut(&IterationRow) -> ControlFlow<()>,
 ) -> Result<Optimized, PipelineError> {
+    optimize_watched(plan, scene, device, settings, &mut |row, _| observe(row))
+}
+
+/// [`optimize_by`] whose observer sees the tree, too.
+///
+/// # Errors
+/// As [`optimize`].
+pub fn optimize_watched(
+    plan: Plan,
+    scene: &Scene,
+    device: &mut dyn Device,
+    settings: &Settings,
+    observe: &mut dyn FnMut(&IterationRow, CurrentTree<'_>) -> ControlFlow<()>,
+) -> Result<Optimized, PipelineError> {
     settings.initial.check()?;
     settings.adaptive.as_ref().map_or(Ok(()), check_settings)?;
     plan.check_purpose(scene, settings)?;
@@ -256,20 +271,20 @@ pub fn optimize_by(
     let built = matches!(settings.optimizer, Optimizer::None).then_some(built);
 
     let start = Instant::now();
-    let mut observe = |row: &IterationRow| observe(&unfolded_row(row, added));
+    let mut observe = |row: &IterationRow, tree: CurrentTree<'_>| observe(&unfolded_row(row, added), tree);
     let below = |target: Option<f64>| target.map(|cost| cost - added);
     let mut outcome = match &settings.optimizer {
         Optimizer::Prbvh => {
             let mut settings = settings.prbvh.clone();
             settings.limits.target_cost = below(settings.limits.target_cost);
-            prbvh(device, &tree, &settings, &mut |row, _, _| observe(row))?
+            prbvh(device, &tree, &settings, &mut |row, tree, device| observe(row, CurrentTree::Device(tree, device)))?
         }
         Optimizer::Rbvh(settings) => {
             let mut settings = settings.clone();
             settings.limits.target_cost = below(settings.limits.target_cost);
-            on_the_host(&tree, device, &settings, &mut observe)?
+            on_host::rbvh(&tree, device, &settings, &mut observe)?
         }
-        Optimizer::None => untouched(&initial, &mut observe),
+        Optimizer::None => on_host::nothing(&tree, device, &initial, &mut observe),
     };
     let optimize_s = start.elapsed().as_secs_f64();
     let (mut best, quality) = match built {
@@ -308,28 +323,6 @@ pub fn optimize_by(
         plan,
         ran: device.kernels(),
     })
-}
-
-/// Runs RBVH on the device's tree.
-fn on_the_host(
-    tree: &DeviceTree,
-    device: &mut dyn Device,
-    settings: &RbvhSettings,
-    observe: &mut dyn FnMut(&IterationRow) -> ControlFlow<()>,
-) -> Result<Outcome, PipelineError> {
-    let mut nodes = tree.download(device)?;
-    let outcome = rbvh(&mut nodes, settings, &mut |row, _| observe(row)).map_err(|faults| {
-        PipelineError::InvalidTree { stage: "builder", device: device.info().name.clone(), faults }
-    })?;
-    device.upload(&tree.nodes, bytemuck::cast_slice(&nodes))?;
-    Ok(outcome)
-}
-
-/// What is said of a tree that nothing optimised.
-fn untouched(initial: &Quality, observe: &mut dyn FnMut(&IterationRow) -> ControlFlow<()>) -> Outcome {
-    let row = IterationRow { cost: initial.sah_cost, ..IterationRow::default() };
-    let stop = if observe(&row).is_break() { StopReason::Cancelled } else { StopReason::NoOptimizer };
-    Outcome { rows: vec![row], stop, timings: Vec::new(), working_bytes: 0 }
 }
 
 /// The device's tree with adaptive leaves, validated.

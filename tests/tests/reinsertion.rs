@@ -16,8 +16,7 @@ use std::collections::BTreeMap;
 const REPORT: usize = REPORT_WORDS as usize;
 
 fn params(mu: u32, first: u32, nodes: usize) -> PrbvhParams {
-    let nodes = nodes as u32;
-    PrbvhParams { count: nodes.saturating_sub(first).div_ceil(mu), mu, first, nodes, floor: 0.0 }
+    PrbvhParams::every(mu, first, nodes as u32)
 }
 
 fn tree_of(triangles: &[Triangle], seed: u64) -> NaiveTree {

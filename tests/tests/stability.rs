@@ -1,21 +1,22 @@
 //! The stability table: green through the command, and red in the right rows where a fault is planted.
 
-use prbvh::build::{DeviceTree, MortonBits, lbvh};
-use prbvh::bvh::{Bvh, Content, SahModel, quality};
+use prbvh::bvh::{Bvh, Content};
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{Device, DeviceError};
-use prbvh::optimize::{IterationRow, PrbvhSettings, StopReason, prbvh};
+use prbvh::optimize::{PrbvhSettings, StopReason};
 use prbvh::pipeline::{Optimized, Settings};
-use prbvh::scene::{SafeRange, Scene, built_in};
+use prbvh::scene::{Scene, built_in};
 use prbvh::stability::{
     self, CATALOGUE, Case, F32_COST_BOUND, Lane, Library, Method, Property, Row, RunError, Subject,
 };
-use prbvh_kernel::cost::COST_CHUNK;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::prbvh::Reinsertion;
 use prbvh_tests::command::run;
 use prbvh_tests::devices::without_vulkan;
-use prbvh_tests::without_threshold::WithoutThreshold;
+use prbvh_tests::numerics::f32_sum;
+use prbvh_tests::numerics::runs::checked;
+use prbvh_tests::numerics::safe_range::Unscaled;
+use prbvh_tests::other_searches::{with_search, without_threshold};
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use tempfile::tempdir;
@@ -124,25 +125,6 @@ fn unknown_names_are_refused() {
     command(&["--device", "vulkan:77"]).refused(&["Vulkan"]);
 }
 
-/// The pipeline on the triangles as they are.
-struct Unscaled;
-
-impl Subject for Unscaled {
-    fn run(&self, scene: &Scene, settings: &Settings, device: &mut dyn Device) -> Result<Optimized, RunError> {
-        let (tree, _) = lbvh(device, &scene.triangles, settings.morton_bits)?;
-        let measured = |tree: &DeviceTree, device: &mut dyn Device| {
-            let nodes = tree.download(device)?;
-            let tree = Bvh::from_device(&nodes).map_err(RunError::InvalidTree)?.with_boxes_of(&scene.triangles);
-            Ok::<_, RunError>((quality(&tree, &SahModel::default()), tree))
-        };
-        let (initial, _) = measured(&tree, device)?;
-        let outcome = prbvh(device, &tree, &settings.prbvh, &mut |_, _, _| ControlFlow::Continue(()))?;
-        let (quality, best) = measured(&tree, device)?;
-        tree.free(device);
-        Ok(Optimized { tree: best, initial, quality, outcome, ..Library.run(scene, settings, device)? })
-    }
-}
-
 #[test]
 fn without_the_safe_range_extreme_scales_are_red() {
     let cases = ["scale-1e-30", "scale-1e-10", "scale-1", "scale-1e20", "scale-1e30", "denormals", "two"];
@@ -168,7 +150,7 @@ fn without_the_safe_range_extreme_scales_are_red() {
 #[test]
 fn without_the_threshold_rounding_offers_moves_that_lower_nothing() {
     let cases = ["scale-1e10", "needles-1e8", "ulp-jitter", "grid", "whole-numbers"];
-    let device = || Box::new(WithoutThreshold(Box::new(CpuDevice::new(2).unwrap())));
+    let device = || Box::new(with_search(Box::new(CpuDevice::new(2).unwrap()), without_threshold));
     let mut lanes = [Lane::new("cpu", device())];
     let go_on = &mut |_: &[Row]| ControlFlow::Continue(());
     let methods = methods(&["prbvh-1"]);
@@ -370,22 +352,13 @@ fn a_run_without_a_result_is_red_and_ends_nothing() {
 /// Why partial sums go over fixed chunks and from there in f64: one float32 sum over a scene leaves the bound.
 #[test]
 fn one_float32_sum_is_out_of_the_bound() {
-    let scene = built_in(250_000);
-    let mut device = CpuDevice::new(0).unwrap();
-    let working = SafeRange::of(&scene.triangles).apply(&scene.triangles);
-    let (tree, _) = lbvh(&mut device, &working, MortonBits::Sixty).unwrap();
-    let nodes = tree.download(&mut device).unwrap();
-    let areas: Vec<f32> = nodes[..scene.triangles.len() - 1].iter().map(|node| node.aabb().half_area()).collect();
-    let exact: f64 = areas.iter().copied().map(f64::from).sum();
-    let running: f32 = areas.iter().sum();
-    let chunked: f64 = areas.chunks(COST_CHUNK as usize).map(|chunk| f64::from(chunk.iter().sum::<f32>())).sum();
-    let error = |sum: f64| (sum / exact - 1.0).abs();
-    println!("one f32 sum {:.1e}, chunks {:.1e}", error(f64::from(running)), error(chunked));
-    assert!(error(f64::from(running)) > F32_COST_BOUND);
-    assert!(error(chunked) < 0.1 * F32_COST_BOUND);
+    let (small, large) = (f32_sum::errors(2_500), f32_sum::errors(250_000));
+    assert!(small.running < F32_COST_BOUND && large.running > F32_COST_BOUND, "{small:?} {large:?}");
+    assert!(large.chunked < 0.1 * F32_COST_BOUND, "{large:?}");
     // A row of the optimiser has the chunked sum.
-    let outcome = prbvh(&mut device, &tree, &Default::default(), &mut |_: &IterationRow, _, _| ControlFlow::Break(()));
-    let decoded = Bvh::from_device(&nodes).unwrap();
-    let referee = quality(&decoded, &SahModel::default()).sah_cost;
-    assert!((outcome.unwrap().rows[0].cost / referee - 1.0).abs() < F32_COST_BOUND);
+    let scene = built_in(250_000);
+    let settings =
+        Settings { prbvh: PrbvhSettings { limits: Limits::iterations(0), ..PrbvhSettings::default() }, ..Settings::default() };
+    let report = checked(&scene, &mut CpuDevice::new(0).unwrap(), &settings).unwrap();
+    assert!(report.is_green() && report.rows[0].cost_error < 0.1 * F32_COST_BOUND, "{report:?}");
 }

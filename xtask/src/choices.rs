@@ -6,7 +6,7 @@ use crate::repo;
 use anyhow::{Context, Result};
 use clap::Args;
 use std::path::PathBuf;
-use std::process::{ExitCode, Stdio};
+use std::process::{Command, ExitCode, Stdio};
 
 const REFERENCE: &str = "host/src/reference/best-costs.json";
 
@@ -43,10 +43,20 @@ impl Presets {
 }
 
 fn start(task: &str, files: &[PathBuf]) -> Result<ExitCode> {
-    let reference = repo::root()?.join(REFERENCE);
+    let mut cargo = cargo_run("prbvh-choices")?;
+    cargo.args([task, "--reference"]).arg(repo::root()?.join(REFERENCE));
+    finish(cargo, files)
+}
+
+/// Cargo about to run a program of the tests, whose arguments come next.
+pub(crate) fn cargo_run(program: &str) -> Result<Command> {
     let mut cargo = repo::cargo()?;
-    cargo.args(["run", "--quiet", "--package", "prbvh-tests", "--bin", "prbvh-choices", "--", task, "--reference"]);
-    cargo.arg(reference);
+    cargo.args(["run", "--quiet", "--package", "prbvh-tests", "--bin", program, "--"]);
+    Ok(cargo)
+}
+
+/// Runs it with files at the end of its arguments.
+pub(crate) fn finish(mut cargo: Command, files: &[PathBuf]) -> Result<ExitCode> {
     for file in files {
         // Cargo runs it in the top folder of the project; the paths are of where the user is.
         cargo.arg(std::path::absolute(file).with_context(|| format!("the path of {}", file.display()))?);

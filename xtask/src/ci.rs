@@ -41,6 +41,7 @@ fn steps() -> Result<Vec<(&'static str, Command)>> {
         ("clippy, without features", cargo("clippy -p prbvh --no-default-features --all-targets -- -D warnings")?),
         ("build-shaders", cargo("xtask build-shaders --check")?),
         ("test", cargo("xtask test")?),
+        ("numerics", cargo("xtask numerics --check")?),
         ("doc", doc),
     ])
 }

@@ -5,6 +5,7 @@ mod choices;
 mod ci;
 mod fuzz;
 mod miri;
+mod numerics;
 mod repo;
 mod setup;
 mod shaders;
@@ -43,6 +44,8 @@ enum Task {
     Fuzz(fuzz::Fuzz),
     /// Runs the kernels on the smallest scene under Miri, which must be installed.
     Miri(miri::Miri),
+    /// Makes the numbers of docs/numerics.md by their experiments, or with --check compares.
+    Numerics(numerics::Numerics),
     /// Everything that must pass before a merge.
     Ci,
     /// Checks the rules of the house that no other tool knows.
@@ -60,6 +63,7 @@ fn main() -> ExitCode {
         Task::Presets(task) => task.run(),
         Task::Fuzz(task) => task.run().map(|()| ExitCode::SUCCESS),
         Task::Miri(task) => task.run().map(|()| ExitCode::SUCCESS),
+        Task::Numerics(task) => task.run(),
         Task::Ci => ci::run().map(|()| ExitCode::SUCCESS),
         Task::Tidy => tidy::run().map(|()| ExitCode::SUCCESS),
     };

@@ -121,6 +121,9 @@ pub(super) struct OptimizeArgs {
     /// Print one JSON object to stdout instead of the table.
     #[arg(long)]
     pub(super) json: bool,
+    /// Compare the numbers of every iteration with f64: cost, predicted decrease, drift of the search. Takes a multiple of the time.
+    #[arg(long)]
+    pub(super) check_numerics: bool,
     /// Turn Vulkan's validation layer on.
     #[arg(long)]
     pub(super) validate: bool,

@@ -6,11 +6,12 @@ use super::log::Log;
 use super::{load_scene, print};
 use anyhow::Context;
 use clap::ValueEnum;
+use prbvh::accuracy::{self, AccuracyReport, NumericsCheck};
 use prbvh::bvh::{self, SahModel};
 use prbvh::device::{self, Device};
 use prbvh::optimize::{Epsilon, IterationRow, Limits, StopReason};
 use prbvh::pipeline::{self, Initial, Optimized, Optimizer, Settings};
-use prbvh::plan::DeviceCode;
+use prbvh::plan::{DeviceCode, Plan};
 use prbvh::reference::{ReferenceCost, ReferenceCosts};
 use prbvh::report::{self, Machine, Memory, PhaseTimes, Program, QualityReport, RunReport, SceneReport};
 use prbvh::scene::Scene;
@@ -34,16 +35,22 @@ pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
     tracing::info!("{}: {} triangles, on {}", scene.name, scene.triangles.len(), device.info().name);
 
     let bar = log.bar(limits(&settings).map_or(0, |limits| limits.max_iterations));
-    let result = pipeline::optimize(&scene, &mut *device, &settings, &mut |row| {
+    let plan = Plan::of(&scene, device.info(), &settings, &[])?;
+    let mut check = args.check_numerics.then(|| NumericsCheck::new(&scene, &settings));
+    let result = pipeline::optimize_watched(plan, &scene, &mut *device, &settings, &mut |row, tree| {
         bar.set_position(u64::from(row.iteration));
         bar.set_message(format!("cost {:.3}", row.cost));
         log_row(row);
-        if interrupt.pressed() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if interrupt.pressed() {
+            return ControlFlow::Break(());
+        }
+        check.as_mut().map_or(ControlFlow::Continue(()), |check| check.observe(row, tree))
     });
     log.end_bar();
     let result = result?;
     let mut report = report(args, &scene, &*device, &settings, &result);
     report.set_reference(known.as_ref());
+    report.accuracy = check.map(NumericsCheck::finish).transpose()?;
 
     let written = args.out.as_deref().map_or(Ok(()), |folder| write(folder, &scene, &result, &report));
     if args.json {
@@ -51,13 +58,26 @@ pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
     } else {
         let columns = console::Term::stdout().size_checked().map_or(DEFAULT_COLUMNS, |(_, columns)| columns);
         print(&report::table(&report, columns));
+        if let Some(accuracy) = &report.accuracy {
+            print(accuracy::table(accuracy, columns).trim_end());
+        }
     }
     // Not before: where the disk is full the user has at least the outcome.
     written?;
     if let StopReason::Fault(_) = result.outcome.stop {
         anyhow::bail!("{}; the best tree before it was kept", result.outcome.stop);
     }
+    judge(report.accuracy.as_ref())?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// # Errors
+/// If the numbers were checked and are not as they must be.
+fn judge(accuracy: Option<&AccuracyReport>) -> anyhow::Result<()> {
+    match accuracy.and_then(AccuracyReport::verdict) {
+        Some(wrong) => anyhow::bail!(wrong),
+        None => Ok(()),
+    }
 }
 
 /// What the reference file has for the scene.
@@ -169,6 +189,7 @@ fn report(
         device_details: device.info().clone(),
         machine: Machine::current(),
         program: Program::current(),
+        accuracy: None,
         rows: result.outcome.rows.clone(),
     }
 }
@@ -180,4 +201,20 @@ fn limits(settings: &Settings) -> Option<&Limits> {
 
 fn value_name<T: ValueEnum>(value: T) -> String {
     value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use prbvh::accuracy::{Breach, BreachKind};
+
+    #[test]
+    fn wrong_numbers_are_an_error() {
+        let mut accuracy = AccuracyReport { cost_bound: 1e-5, search: None, breaches: Vec::new(), rows: Vec::new() };
+        assert!(judge(None).is_ok() && judge(Some(&accuracy)).is_ok());
+        let what = "the cost is 3, 2 in f64".to_owned();
+        accuracy.breaches.push(Breach { iteration: 7, kind: BreachKind::Cost, what });
+        let error = judge(Some(&accuracy)).unwrap_err().to_string();
+        assert!(error.contains("iteration 7: the cost is 3, 2 in f64"), "{error}");
+    }
 }

@@ -1,5 +1,6 @@
 //! The optimisers: PRBVH iterations until nothing is gained, and sequential RBVH to compare with; the best tree is kept.
 
+mod current;
 mod descent;
 mod limits;
 mod moves;
@@ -8,6 +9,7 @@ mod rbvh;
 mod row;
 mod schedule;
 
+pub use current::CurrentTree;
 pub use limits::Limits;
 pub use moves::Strategy;
 pub use prbvh::{Outcome, prbvh};

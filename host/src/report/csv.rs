@@ -1,5 +1,6 @@
-//! `iterations.csv`.
+//! `iterations.csv` and `accuracy.csv`.
 
+use crate::accuracy::AccuracyRow;
 use crate::optimize::IterationRow;
 use std::io::{self, Write};
 
@@ -8,6 +9,56 @@ pub(super) fn write(rows: &[IterationRow], out: &mut dyn Write) -> io::Result<()
     let mut csv = csv::Writer::from_writer(out);
     for row in rows {
         csv.serialize(row)?;
+    }
+    csv.flush()
+}
+
+/// Columns of `accuracy.csv`; the spreads as the bounds of half and of 99 % of the values, and the maximum.
+const ACCURACY: [&str; 18] = [
+    "iteration",
+    "time_s",
+    "exact_cost",
+    "cost_error",
+    "predicted_decrease",
+    "measured_decrease",
+    "prediction_bound",
+    "searched",
+    "candidates",
+    "offered",
+    "refused_noise",
+    "raising",
+    "drift_half",
+    "drift_99",
+    "drift_max",
+    "decrease_error_half",
+    "decrease_error_99",
+    "decrease_error_max",
+];
+
+/// Writes a header and a row per iteration; what is not known is empty.
+pub(super) fn write_accuracy(rows: &[AccuracyRow], out: &mut dyn Write) -> io::Result<()> {
+    let mut csv = csv::Writer::from_writer(out);
+    csv.write_record(ACCURACY)?;
+    for row in rows {
+        let numbers =
+            [row.time_s, row.exact_cost, row.cost_error, row.predicted_decrease, row.measured_decrease].map(Some);
+        csv.write_field(row.iteration.to_string())?;
+        let search = row.search.as_ref();
+        let counts = search.map(|s| [s.searched, s.candidates, s.offered, s.refused_noise, s.raising].map(Some));
+        let spreads = search.map(|search| [&search.drift, &search.decrease_error]).map(|spreads| {
+            let [drift, error] = spreads.map(|spread| [spread.bound_of(0.5), spread.bound_of(0.99), spread.max]);
+            [drift[0], drift[1], drift[2], error[0], error[1], error[2]].map(Some)
+        });
+        let text = |number: Option<f64>| number.map_or_else(String::new, |number| number.to_string());
+        let count = |count: Option<u64>| count.map_or_else(String::new, |count| count.to_string());
+        csv.write_record(
+            numbers
+                .into_iter()
+                .chain([row.prediction_bound])
+                .map(text)
+                .chain(counts.unwrap_or_default().map(count))
+                .chain(spreads.unwrap_or_default().map(text)),
+        )?;
     }
     csv.flush()
 }

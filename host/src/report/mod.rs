@@ -1,4 +1,5 @@
-//! What a run did, and the files that say so: `report.json`, `iterations.csv`, `convergence.svg`; and the table on the terminal.
+//! What a run did, and the files that say so: `report.json`, `iterations.csv`, `convergence.svg`, of a checked run `accuracy.csv`; and
+//! the table on the terminal.
 
 mod axis;
 mod csv;
@@ -24,7 +25,8 @@ use std::path::{Path, PathBuf};
 use write::{WriteError, write_atomically};
 
 impl RunReport {
-    /// Writes `report.json`, `iterations.csv` and `convergence.svg` into `folder`, each whole or not at all. Returns their paths.
+    /// Writes `report.json`, `iterations.csv` and `convergence.svg` into `folder`, and `accuracy.csv` if the numbers were checked, each
+    /// whole or not at all. Returns their paths.
     ///
     /// # Errors
     /// At the first file that cannot be written.
@@ -36,7 +38,12 @@ impl RunReport {
             let svg = plot::convergence(self).map_err(std::io::Error::other)?;
             out.write_all(svg.as_bytes())
         })?;
-        Ok(paths.into())
+        let mut paths = paths.to_vec();
+        if let Some(accuracy) = &self.accuracy {
+            paths.push(folder.join("accuracy.csv"));
+            write_atomically(&paths[3], |out| csv::write_accuracy(&accuracy.rows, out))?;
+        }
+        Ok(paths)
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::axis::Axis;
 use super::{RunReport, format};
+use crate::accuracy::AccuracyReport;
 use crate::optimize::IterationRow;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -28,6 +29,8 @@ struct Panel {
     y_title: &'static str,
     points: Vec<(f64, f64)>,
     labels: Vec<(f64, f64, String)>,
+    /// Crosses on the same axes, and their name.
+    beside: Option<(&'static str, Vec<(f64, f64)>)>,
 }
 
 /// Draws SAH cost and relative error of `report.rows` against the run time. It needs no font on this machine and no colour.
@@ -53,7 +56,7 @@ fn draw(report: &RunReport, svg: &mut String) -> Result<(), Failure> {
 
     let rows: Vec<&IterationRow> =
         report.rows.iter().filter(|row| row.cost.is_finite() && row.time_s.is_finite()).collect();
-    let panels = [cost_panel(&rows), error_panel(&rows)];
+    let panels = [cost_panel(&rows), error_panel(&rows, report.accuracy.as_ref())];
     root.draw_text(&notes(&panels[1]), &left(20, &NOTE), (40, SIZE.1 as i32 - 36))?;
     let plots = root.margin(104, 50, 20, 20).split_evenly((1, 2));
     for (area, panel) in plots.iter().zip(&panels) {
@@ -78,10 +81,20 @@ fn cost_panel(rows: &[&IterationRow]) -> Panel {
         }
     }
     let points = rows.iter().map(|row| (row.time_s, row.cost)).collect();
-    Panel { title: "SAH cost", x, y, x_title: "run time (s)", y_title: "SAH cost (no unit)", points, labels }
+    Panel {
+        title: "SAH cost",
+        x,
+        y,
+        x_title: "run time (s)",
+        y_title: "SAH cost (no unit)",
+        points,
+        labels,
+        beside: None,
+    }
 }
 
-fn error_panel(rows: &[&IterationRow]) -> Panel {
+/// The error against the best cost, and beside it that of the numbers if they were checked.
+fn error_panel(rows: &[&IterationRow], accuracy: Option<&AccuracyReport>) -> Panel {
     let times = || rows.iter().map(|row| row.time_s).filter(|&time| time > 0.0);
     let first = times().fold(f64::INFINITY, f64::min);
     let last = times().fold(0.0, f64::max);
@@ -96,14 +109,21 @@ fn error_panel(rows: &[&IterationRow]) -> Panel {
         let text = format!("within 1 % after {}, iteration {}", format::seconds(row.time_s), row.iteration);
         (row.time_s, row.relative_error, text)
     };
+    let numerical = |accuracy: &AccuracyReport| -> Vec<(f64, f64)> {
+        let errors = accuracy.rows.iter().filter(|row| row.cost_error.is_finite() && row.time_s.is_finite());
+        errors.map(|row| (row.time_s, row.cost_error)).collect()
+    };
+    let beside = accuracy.map(|accuracy| ("× f32 cost against f64", numerical(accuracy)));
+    let besides = beside.iter().flat_map(|(_, points)| points.iter().map(|&(_, error)| error));
     Panel {
         title: "relative error: cost / best cost − 1",
         x,
-        y: Axis::log(rows.iter().map(|row| row.relative_error)),
+        y: Axis::log(rows.iter().map(|row| row.relative_error).chain(besides)),
         x_title,
         y_title: "relative error (no unit, logarithmic)",
         points: rows.iter().map(|row| (row.time_s, row.relative_error)).collect(),
         labels: close.map(label).into_iter().collect(),
+        beside,
     }
 }
 
@@ -160,6 +180,15 @@ fn draw_panel<'a>(area: &DrawingArea<SVGBackend<'a>, plotters::coord::Shift>, pa
     let zeros = placed().zip(&panel.points).filter(|&(_, &(_, y))| hollow(y));
     chart.draw_series(zeros.map(|(at, _)| Circle::new(at, radius, INK.stroke_width(2))))?;
 
+    if let Some((name, points)) = &panel.beside {
+        let at = |&(x, y): &(f64, f64)| (panel.x.place(x), panel.y.place(y));
+        chart.draw_series(points.iter().map(|point| Cross::new(at(point), 5, NOTE.stroke_width(2))))?;
+        if let Some(last) = points.last() {
+            let style = font(22, &NOTE).pos(Pos::new(HPos::Right, VPos::Bottom));
+            chart.draw_series([EmptyElement::at(at(last)) + Text::new(*name, (0, -14), style)])?;
+        }
+    }
+
     let middle = (panel.x.range().start + panel.x.range().end) / 2.0;
     for (x, y, text) in &panel.labels {
         let at = (panel.x.place(*x), panel.y.place(*y));
@@ -182,6 +211,7 @@ fn draw_panel<'a>(area: &DrawingArea<SVGBackend<'a>, plotters::coord::Shift>, pa
 mod tests {
     use super::super::testing::report;
     use super::*;
+    use crate::accuracy::AccuracyRow;
     use crate::optimize::set_relative_errors;
 
     /// Points of both panels; rings around labelled ones are not filled.
@@ -212,6 +242,30 @@ mod tests {
             let svg = convergence(&report(iterations)).unwrap();
             assert_eq!(points(&svg), 2 * (iterations as usize + 1));
         }
+    }
+
+    #[test]
+    fn checked_numbers_are_crosses_beside_the_error() {
+        let lines = |svg: &str| svg.matches("<line").count() + svg.matches("<polyline").count();
+        let plain = report(20);
+        let mut checked = report(20);
+        let row = |row: &IterationRow| AccuracyRow {
+            iteration: row.iteration,
+            time_s: row.time_s,
+            exact_cost: row.cost,
+            cost_error: 1e-7,
+            predicted_decrease: 0.0,
+            measured_decrease: 0.0,
+            prediction_bound: None,
+            search: None,
+        };
+        let rows = plain.rows.iter().map(row).collect();
+        checked.accuracy = Some(AccuracyReport { cost_bound: 1e-5, search: None, breaches: Vec::new(), rows });
+        let [without, with] = [plain, checked].map(|report| convergence(&report).unwrap());
+        assert!(lines(&with) >= lines(&without) + 21, "{} and {}", lines(&with), lines(&without));
+        let named = |svg: &str| texts(svg).iter().any(|text| text.contains("f32 cost against f64"));
+        assert!(named(&with) && !named(&without));
+        assert_eq!(points(&with), points(&without));
     }
 
     #[test]

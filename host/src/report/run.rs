@@ -1,6 +1,7 @@
 //! What is known of a run.
 
 use super::{Machine, Phase};
+use crate::accuracy::AccuracyReport;
 use crate::bvh::{Quality, SahModel};
 use crate::collapse::CollapseSettings;
 use crate::device::DeviceInfo;
@@ -67,6 +68,9 @@ pub struct RunReport {
     pub machine: Machine,
     /// The program.
     pub program: Program,
+    /// The numbers of every iteration against f64; none where nobody asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accuracy: Option<AccuracyReport>,
     /// A row per iteration; iteration 0 is the initial tree.
     pub rows: Vec<IterationRow>,
 }

@@ -109,6 +109,7 @@ pub(super) fn report(iterations: u32) -> RunReport {
         },
         machine: Machine::current(),
         program: Program::current(),
+        accuracy: None,
         rows,
     }
 }

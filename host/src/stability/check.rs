@@ -3,18 +3,13 @@
 use super::ready::Ready;
 use super::row::{Property, Row};
 use super::subject::{RunError, Subject, working_nodes};
-use super::{Lane, Method, moves, rays};
+use super::{Lane, Method, rays};
+use crate::accuracy::{self, F32_COST_BOUND};
 use crate::bvh::{self, Bvh, SahModel, quality, topology_hash, tree_hash};
 use crate::device::Device;
 use crate::optimize::{Limits, PrbvhSettings, StopReason};
 use crate::pipeline::{Optimized, Optimizer, Settings};
-use prbvh_kernel::cost::COST_CHUNK;
 use prbvh_kernel::prbvh::search::MAX_STEPS;
-
-/// Largest relative error of a device's f32 cost, in all cases and on all devices: roundings of 2^-24, of which a half area has 5 at
-/// most, a sum over a chunk of areas one per term, and the division by the root's half area 5 again. Areas are not
-/// negative, so that no sum cancels; 1 more than covers all products of roundings and the sums in f64.
-pub const F32_COST_BOUND: f64 = (COST_CHUNK - 1 + 5 + 5 + 1) as f64 / (1u32 << 24) as f64;
 
 /// Largest relative change of an optimised cost after the axes changed places. The initial tree is the same and costs the same, but a
 /// half area is rounded in another way (`dy (dx + dz) + dz dx` is not symmetric), so that a tie may fall to another side and the
@@ -221,7 +216,7 @@ impl Variants<'_> {
                     continue;
                 }
                 count += 1;
-                let decrease = moves::area_decrease(&nodes, input, found.output);
+                let decrease = accuracy::area_decrease(&nodes, input, found.output);
                 if decrease.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
                     noise.push(format!("{input} to {}: {:e}, in f64 {decrease:e}", found.output, found.area_decrease));
                 }

@@ -5,7 +5,6 @@ mod catalogue;
 mod check;
 mod lane;
 mod method;
-mod moves;
 mod rays;
 mod ready;
 mod row;
@@ -14,8 +13,9 @@ mod shapes;
 mod subject;
 mod table;
 
+pub use crate::accuracy::F32_COST_BOUND;
 pub use catalogue::{CATALOGUE, Case};
-pub use check::{AXES_BOUND, F32_COST_BOUND};
+pub use check::AXES_BOUND;
 pub use lane::Lane;
 pub use method::{Method, methods};
 pub use ready::CaseError;

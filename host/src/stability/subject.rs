@@ -67,7 +67,7 @@ pub trait Subject {
         let tree = DeviceTree::upload(device, nodes)?;
         let found = device.allocate("found", nodes.len(), size_of::<Reinsertion>())?;
         let report = device.allocate("report", REPORT_WORDS as usize, 4)?;
-        let params = PrbvhParams { count, mu: 1, first: 0, nodes: count, floor: 0.0 };
+        let params = PrbvhParams::every(1, 0, count);
         let mut recording = Recording::new();
         recording.dispatch("search", Kernel::PrbvhSearch, count, &params, &[&tree.nodes, &found, &report]);
         device.run(&recording)?;

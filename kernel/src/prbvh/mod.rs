@@ -82,6 +82,12 @@ pub struct PrbvhParams {
 }
 
 impl PrbvhParams {
+    /// Every `mu`-th of all nodes from `first` on, and every move.
+    #[must_use]
+    pub const fn every(mu: u32, first: u32, nodes: u32) -> Self {
+        Self { count: nodes.saturating_sub(first).div_ceil(mu), mu, first, nodes, floor: 0.0 }
+    }
+
     /// Input node of invocation `i`, or its place among the candidates.
     #[inline(always)]
     #[must_use]

@@ -36,7 +36,7 @@ pub fn search(
     let mut best = Reinsertion::NONE;
     let mut top = NO_NODE;
     if input != ROOT && input < params.nodes && (params.floor == 0.0 || largest_decrease(input, nodes) > params.floor) {
-        let (candidate, candidate_top) = best_output(input, params, nodes, report);
+        let (candidate, candidate_top, _) = best_output(input, params, nodes, report);
         if candidate != NO_NODE {
             let area_decrease = checked_area_decrease(input, candidate, nodes.parent(candidate_top), nodes);
             if area_decrease > 0.0 {
@@ -50,9 +50,11 @@ pub fn search(
     top
 }
 
-/// The best output node and the child of its pivot above it; [`NO_NODE`] if no move promises a decrease above the floor.
+/// The best output node, the child of its pivot above it, and the area decrease as the walk added it up; [`NO_NODE`] and the floor if no
+/// move promises a decrease above that.
 #[inline(always)]
-fn best_output(input: u32, params: &PrbvhParams, nodes: &[Node], report: &[AtomicU32]) -> (u32, u32) {
+#[must_use]
+pub fn best_output(input: u32, params: &PrbvhParams, nodes: &[Node], report: &[AtomicU32]) -> (u32, u32, f32) {
     let internal = params.nodes / 2;
     let input_box = nodes[input as usize].aabb();
     let sibling = nodes.sibling(input);
@@ -136,7 +138,7 @@ fn best_output(input: u32, params: &PrbvhParams, nodes: &[Node], report: &[Atomi
     if steps > report[MOST_STEPS].load() {
         report[MOST_STEPS].max(steps);
     }
-    (output, output_top)
+    (output, output_top, best)
 }
 
 /// The area decrease of a reinsertion, from its definition; 0 if rounding could account for it or if it might close a loop (see

@@ -5,8 +5,10 @@ use prbvh_kernel::node::{Links, Node, ROOT};
 
 /// How much the sum of half areas falls when the subtree of `input` becomes the sibling of `output`, scene units²; the formula is
 /// that of [`prbvh_kernel::prbvh`]. Extents of float32 boxes and their differences are taken in f64, and areas of nested boxes are
-/// subtracted as [`area_difference`], so that also a large box that hardly changes contributes with full precision.
-pub(super) fn area_decrease(nodes: &[Node], input: u32, output: u32) -> f64 {
+/// subtracted by a formula without cancellation, so that also a large box that hardly changes contributes with full precision.
+/// `output` is neither the input's sibling nor above or below the input.
+#[must_use]
+pub fn area_decrease(nodes: &[Node], input: u32, output: u32) -> f64 {
     let aabb = |v: u32| nodes[v as usize].aabb();
     let input_box = aabb(input);
     let (parent, sibling) = (nodes.parent(input), nodes.sibling(input));
@@ -53,10 +55,10 @@ fn area_difference(outer: Aabb, inner: Aabb) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::shapes;
     use super::*;
     use crate::build;
     use crate::bvh::Bvh;
+    use crate::scene::{SafeRange, built_in};
     use prbvh_kernel::prbvh::search::checked_area_decrease;
 
     #[test]
@@ -95,9 +97,10 @@ mod tests {
 
     #[test]
     fn a_decrease_is_what_the_move_does() {
-        let triangles = shapes::soup(12, 0.5);
+        let scene = built_in(16).triangles;
+        let triangles = SafeRange::of(&scene).apply(&scene);
         let nodes = build::sah_binned(&triangles);
-        let before: f64 = nodes[..11].iter().map(|node| half_area(node.aabb())).sum();
+        let before: f64 = nodes[..triangles.len() - 1].iter().map(|node| half_area(node.aabb())).sum();
         let above = |v: u32| std::iter::successors(Some(v), |&v| (v != ROOT).then(|| nodes.parent(v)));
         let mut moves = 0;
         for input in 1..nodes.len() as u32 {

@@ -1,0 +1,34 @@
+//! The optimisers that are not the device's.
+
+use super::PipelineError;
+use crate::build::DeviceTree;
+use crate::bvh::Quality;
+use crate::device::Device;
+use crate::optimize::{self, CurrentTree, IterationRow, Outcome, RbvhSettings, StopReason};
+use std::ops::ControlFlow;
+
+type Observe<'a> = &'a mut dyn FnMut(&IterationRow, CurrentTree<'_>) -> ControlFlow<()>;
+
+/// Runs RBVH on the device's tree.
+pub(super) fn rbvh(
+    tree: &DeviceTree,
+    device: &mut dyn Device,
+    settings: &RbvhSettings,
+    observe: Observe<'_>,
+) -> Result<Outcome, PipelineError> {
+    let mut nodes = tree.download(device)?;
+    let outcome =
+        optimize::rbvh(&mut nodes, settings, &mut |row, tree| observe(row, CurrentTree::Host(tree))).map_err(
+            |faults| PipelineError::InvalidTree { stage: "builder", device: device.info().name.clone(), faults },
+        )?;
+    device.upload(&tree.nodes, bytemuck::cast_slice(&nodes))?;
+    Ok(outcome)
+}
+
+/// What is said of a tree that nothing optimised.
+pub(super) fn nothing(tree: &DeviceTree, device: &mut dyn Device, initial: &Quality, observe: Observe<'_>) -> Outcome {
+    let row = IterationRow { cost: initial.sah_cost, ..IterationRow::default() };
+    let is_cancelled = observe(&row, CurrentTree::Device(tree, device)).is_break();
+    let stop = if is_cancelled { StopReason::Cancelled } else { StopReason::NoOptimizer };
+    Outcome { rows: vec![row], stop, timings: Vec::new(), working_bytes: 0 }
+}
