@@ -20,6 +20,7 @@ use crate::ploc::{self, Cluster, ClustersParams, Progress};
 use crate::prbvh::check::{check, check_words};
 use crate::prbvh::conservative::{check as conservative_check, lock as conservative_lock};
 use crate::prbvh::decrease::{DecreaseParams, decrease};
+use crate::prbvh::dual::{self, check as dual_check, lock as dual_lock};
 use crate::prbvh::lock::{lock, lock_decrease, lock_input};
 use crate::prbvh::search::{search, search_top};
 use crate::prbvh::{PrbvhParams, Reinsertion, reinsert::reinsert};
@@ -260,6 +261,35 @@ kernels! {
         1 nodes: &[AtomicNode],
         2 report: &[AtomicU32],
     ] => |i| reinsert(i, params, found, nodes, report);
+
+    DualSearch dual_search(params: PrbvhParams) [
+        0 nodes: &[Node], 1 found: &[Slot<Reinsertion>], 2 seconds: &[Slot<u32>], 3 report: &[AtomicU32],
+    ] => |i| dual::search::search(i, params, nodes, found, seconds, report);
+
+    DualLock dual_lock(params: PrbvhParams) [
+        0 nodes: &[Node], 1 found: &[Reinsertion], 2 seconds: &[u32], 3 locks: &[AtomicU64],
+    ] => |i| dual_lock::lock(i, params, nodes, found, seconds, locks);
+
+    DualLockDecrease dual_lock_decrease(params: PrbvhParams) [
+        0 nodes: &[Node], 1 found: &[Reinsertion], 2 seconds: &[u32], 3 decreases: &[AtomicU32],
+    ] => |i| dual_lock::lock_decrease(i, params, nodes, found, seconds, decreases);
+
+    DualLockInput dual_lock_input(params: PrbvhParams) [
+        0 nodes: &[Node], 1 found: &[Reinsertion], 2 seconds: &[u32], 3 decreases: &[u32], 4 inputs: &[AtomicU32],
+    ] => |i| dual_lock::lock_input(i, params, nodes, found, seconds, decreases, inputs);
+
+    DualCheck dual_check(params: PrbvhParams) [
+        0 nodes: &[Node], 1 seconds: &[u32], 2 locks: &[u64], 3 found: &[Slot<Reinsertion>], 4 report: &[AtomicU32],
+    ] => |i| dual_check::check(i, params, nodes, seconds, locks, found, report);
+
+    DualCheckWords dual_check_words(params: PrbvhParams) [
+        0 nodes: &[Node], 1 seconds: &[u32], 2 decreases: &[u32], 3 inputs: &[u32], 4 found: &[Slot<Reinsertion>],
+        5 report: &[AtomicU32],
+    ] => |i| dual_check::check_words(i, params, nodes, seconds, decreases, inputs, found, report);
+
+    DualReinsert dual_reinsert(params: PrbvhParams) [
+        0 found: &[Reinsertion], 1 seconds: &[u32], 2 nodes: &[AtomicNode], 3 report: &[AtomicU32],
+    ] => |i| dual::reinsert::reinsert(i, params, found, seconds, nodes, report);
 
     SnapshotSave snapshot_save(params: SnapshotParams) [
         0 nodes: &[Node],

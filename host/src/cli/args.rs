@@ -11,7 +11,7 @@ use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use prbvh::build::{DEFAULT_RADIUS, MortonBits, TreeletSize};
 use prbvh::device::DeviceChoice;
-use prbvh::optimize::{Epsilon, PrbvhSettings, Strategy};
+use prbvh::optimize::{Epsilon, MoveKind, PrbvhSettings, Strategy};
 use prbvh::pipeline::{Initial, Settings};
 use std::ffi::OsString;
 use std::num::NonZeroU32;
@@ -78,6 +78,9 @@ pub(super) struct OptimizeArgs {
     /// When a reinsertion may run beside others.
     #[arg(long, value_enum, default_value_t)]
     pub(super) strategy: StrategyArg,
+    /// What an iteration moves.
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) moves: MovesArg,
     /// Settings that were chosen by measurement, in place of those of the initial tree and the optimiser.
     #[arg(long, value_enum, conflicts_with_all = PRESET_SETS)]
     pub(super) preset: Option<PresetArg>,
@@ -157,6 +160,10 @@ impl OptimizeArgs {
                     StrategyArg::Conservative => Strategy::Conservative,
                 },
                 mu: self.mu.unwrap_or(defaults.mu),
+                moves: match self.moves {
+                    MovesArg::Single => MoveKind::Single,
+                    MovesArg::Dual => MoveKind::Dual,
+                },
                 epsilon,
                 max_iterations: self.max_iterations.unwrap_or(defaults.max_iterations),
                 max_time,
@@ -194,6 +201,15 @@ pub(super) enum StrategyArg {
     Aggressive,
     /// If their boxes do not overlap either: the cost never rises.
     Conservative,
+}
+
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub(super) enum MovesArg {
+    /// Single subtrees.
+    #[default]
+    Single,
+    /// Both children of internal nodes at once too: slower iterations, a lower cost in the end.
+    Dual,
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]

@@ -139,6 +139,7 @@ fn report(
                 _ => None,
             },
             strategy: value_name::<StrategyArg>(args.strategy),
+            moves: settings.prbvh.moves.to_string(),
             optimizer: settings.optimizer.to_string(),
             rbvh: match &settings.optimizer {
                 Optimizer::Rbvh(settings) => Some(settings.clone()),

@@ -6,8 +6,19 @@ use prbvh::pipeline::{Optimizer, Settings};
 use prbvh::presets::Preset;
 
 /// Arguments whose settings a preset has: beside it they are refused. Limits, targets and leaves may stand beside it.
-pub(super) const PRESET_SETS: [&str; 10] =
-    ["initial", "radius", "treelet", "strategy", "optimizer", "batch", "seed", "mu", "epsilon", "epsilon_absolute"];
+pub(super) const PRESET_SETS: [&str; 11] = [
+    "initial",
+    "radius",
+    "treelet",
+    "strategy",
+    "moves",
+    "optimizer",
+    "batch",
+    "seed",
+    "mu",
+    "epsilon",
+    "epsilon_absolute",
+];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum PresetArg {
@@ -82,6 +93,7 @@ mod tests {
             "--radius 9",
             "--treelet 9",
             "--strategy aggressive",
+            "--moves dual",
             "--optimizer prbvh",
             "--batch 0.1",
             "--seed 1",

@@ -7,7 +7,7 @@ use crate::build::MortonBits;
 #[cfg(feature = "atrbvh")]
 use crate::build::TreeletSize;
 use crate::device::cpu::CpuDevice;
-use crate::optimize::{self, IterationRow, PrbvhSettings, RbvhSettings};
+use crate::optimize::{self, IterationRow, MoveKind, PrbvhSettings, RbvhSettings};
 use crate::pipeline::{Initial, Optimizer, Settings};
 use crate::presets::{self, Candidate};
 use prbvh_kernel::node::Node;
@@ -109,6 +109,11 @@ const METHODS: &[Entry] = &[
         jobs: |settings| settings.mu.iter().map(|&mu| prbvh(Settings::default(), mu)).collect(),
     },
     Entry {
+        name: "prbvh-dual",
+        is_default: true,
+        jobs: |settings| settings.mu.iter().map(|&mu| prbvh_dual(mu)).collect(),
+    },
+    Entry {
         name: "sah-sweep",
         is_default: true,
         jobs: |_| vec![host("sah-sweep", |triangles| builder(build::sah_sweep(triangles)))],
@@ -133,6 +138,13 @@ fn initial(method: String, initial: Initial) -> Job {
 pub(super) fn prbvh(settings: Settings, mu: u32) -> Job {
     let prbvh = PrbvhSettings { mu, ..settings.prbvh.clone() };
     Job { method: "prbvh".to_owned(), mu: Some(mu), builder: Builder::Prbvh(Settings { prbvh, ..settings }) }
+}
+
+/// PRBVH with dual moves.
+fn prbvh_dual(mu: u32) -> Job {
+    let prbvh = PrbvhSettings { mu, moves: MoveKind::Dual, ..PrbvhSettings::default() };
+    let builder = Builder::Prbvh(Settings { prbvh, ..Settings::default() });
+    Job { method: "prbvh dual".to_owned(), mu: Some(mu), builder }
 }
 
 /// A setting that presets are chosen from; none where this program was built without its initial tree.
@@ -256,7 +268,7 @@ mod tests {
     #[test]
     fn an_unknown_name_is_refused_with_the_known_ones() {
         let error = methods(&["lbvh", "magic"]).unwrap_err().to_string();
-        for part in ["`magic`", "ploc, rbvh, prbvh, sah-sweep, sah-binned"] {
+        for part in ["`magic`", "ploc, rbvh, prbvh, prbvh-dual, sah-sweep, sah-binned"] {
             assert!(error.contains(part), "{error}");
         }
     }

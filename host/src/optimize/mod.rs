@@ -1,11 +1,13 @@
 //! The optimisers: PRBVH iterations until nothing is gained, and sequential RBVH to compare with; the best tree is kept.
 
+mod dual;
 mod moves;
 mod prbvh;
 mod rbvh;
 mod row;
 mod schedule;
 
+pub use dual::MoveKind;
 pub use moves::Strategy;
 pub use prbvh::{Outcome, prbvh};
 pub use rbvh::{RbvhSettings, RbvhTree, rbvh};

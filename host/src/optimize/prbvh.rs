@@ -1,8 +1,9 @@
 //! The PRBVH iterations: search, lock, check, reinsert, refit, cost.
 
+use super::dual::DualMoves;
 use super::moves::Moves;
 use super::schedule::Schedule;
-use super::{IterationRow, PrbvhSettings, StopReason, Strategy, set_relative_errors};
+use super::{IterationRow, MoveKind, PrbvhSettings, StopReason, set_relative_errors};
 use crate::build::{DeviceTree, Scratch, arrivals_length, record_refit};
 use crate::bvh::SahModel;
 use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
@@ -47,7 +48,7 @@ pub fn prbvh(
     settings: &PrbvhSettings,
     observe: &mut dyn FnMut(&IterationRow, &DeviceTree, &mut dyn Device) -> ControlFlow<()>,
 ) -> Result<Outcome, DeviceError> {
-    let mut working_set = WorkingSet::new(device, tree, settings.strategy)?;
+    let mut working_set = WorkingSet::new(device, tree, settings)?;
     let working_bytes = device.memory().bytes;
     let (rows, stop) = working_set.run(device, settings, observe)?;
     working_set.scratch.free(device);
@@ -61,6 +62,7 @@ struct WorkingSet<'a> {
     node_count: u32,
     scratch: Scratch,
     moves: Moves,
+    dual: Option<DualMoves>,
     arrivals: Buffer,
     /// Partial sums of areas, and from `area_chunks` on of decreases.
     partial: Buffer,
@@ -71,24 +73,30 @@ struct WorkingSet<'a> {
 }
 
 impl<'a> WorkingSet<'a> {
-    fn new(device: &mut dyn Device, tree: &'a DeviceTree, strategy: Strategy) -> Result<Self, DeviceError> {
+    fn new(device: &mut dyn Device, tree: &'a DeviceTree, settings: &PrbvhSettings) -> Result<Self, DeviceError> {
         let node_count = DeviceTree::node_count(tree.references);
         let length = node_count as usize;
         let mut scratch = Scratch::default();
-        let moves = Moves::new(device, &mut scratch, strategy, length)?;
+        let internal = tree.references - 1;
+        let moves = Moves::new(device, &mut scratch, settings.strategy, length)?;
+        let dual = match settings.moves {
+            MoveKind::Single => None,
+            MoveKind::Dual => Some(DualMoves::new(device, &mut scratch, internal)?),
+        };
         let mut buffer = |label, length, bytes| scratch.allocate(device, label, length, bytes);
         let arrivals = buffer("arrivals", arrivals_length(tree.references), 4)?;
-        let chunks = node_count.div_ceil(COST_CHUNK) + node_count.div_ceil(DECREASE_CHUNK);
+        let searched = if dual.is_some() { internal.div_ceil(DECREASE_CHUNK) } else { 0 };
+        let chunks = node_count.div_ceil(COST_CHUNK) + node_count.div_ceil(DECREASE_CHUNK) + searched;
         let partial = buffer("partial sums", chunks as usize, 4)?;
         let report = buffer("report", REPORT_WORDS as usize, 4)?;
         let best_links = buffer("best links", length, size_of::<NodeLinks>())?;
-        let internal = tree.references - 1;
         Ok(Self {
             tree,
             internal,
             node_count,
             scratch,
             moves,
+            dual,
             arrivals,
             partial,
             report,
@@ -148,14 +156,14 @@ impl<'a> WorkingSet<'a> {
                 self.record_save(&mut recording);
             }
             let mu = schedule.mu();
-            let searched = self.record_iteration(&mut recording, mu, done % mu);
+            let chunks = self.record_iteration(&mut recording, mu, done % mu);
             self.submit(device, &recording)?;
             let report = self.read_report(device)?;
             if report[FAULTS] != 0 {
                 is_best = false;
                 break StopReason::Fault(report[FAULTS]);
             }
-            let partial = self.read_partial(device, area_chunks + searched.div_ceil(DECREASE_CHUNK) as usize)?;
+            let partial = self.read_partial(device, area_chunks + chunks as usize)?;
             let (areas, decreases) = partial.split_at(area_chunks);
             let cost = cost_of(sum(areas));
             is_best = cost < best;
@@ -209,20 +217,37 @@ impl<'a> WorkingSet<'a> {
         self.submit(device, &recording)
     }
 
-    /// Records one iteration that searches every `mu`-th node from `first` on; returns how many these are.
+    /// Records one iteration that searches every `mu`-th node from `first` on; returns how many partial sums of decreases it makes.
     fn record_iteration(&self, recording: &mut Recording, mu: u32, first: u32) -> u32 {
-        let count = self.node_count.saturating_sub(first).div_ceil(mu);
-        let params = PrbvhParams { count, mu, first, nodes: self.node_count };
         let nodes = &self.tree.nodes;
-        let (found, report) = (&self.moves.found, &self.report);
+        let report = &self.report;
+        let params = |inputs: u32| {
+            let count = inputs.saturating_sub(first).div_ceil(mu);
+            PrbvhParams { count, mu, first, nodes: self.node_count }
+        };
         recording.clear("search", report);
-        self.moves.record(recording, &params, nodes, report);
-        let chunks = count.div_ceil(DECREASE_CHUNK);
-        let sums = DecreaseParams { count: chunks, found: count, first: self.internal.div_ceil(COST_CHUNK) };
-        recording.dispatch("cost", Kernel::PrbvhDecrease, chunks, &sums, &[found, &self.partial]);
-        recording.dispatch("reinsert", Kernel::PrbvhReinsert, count, &params, &[found, nodes, report]);
+        let single = params(self.node_count);
+        self.moves.record(recording, &single, nodes, report);
+        let mut chunks = self.record_decreases(recording, single.count, 0);
+        let buffers = [&self.moves.found, nodes, report];
+        recording.dispatch("reinsert", Kernel::PrbvhReinsert, single.count, &single, &buffers);
         record_refit(recording, self.tree.references, nodes, &self.arrivals);
+        if let Some(dual) = &self.dual {
+            let params = params(self.internal);
+            dual.record(recording, &params, &self.moves, nodes, report);
+            chunks += self.record_decreases(recording, params.count, chunks);
+            dual.record_reinsert(recording, &params, &self.moves, nodes, report);
+            record_refit(recording, self.tree.references, nodes, &self.arrivals);
+        }
         self.record_area_sum(recording, 0, self.internal);
+        chunks
+    }
+
+    /// Sums what `found` reinsertions promise behind `before` other sums of that kind; returns how many sums it makes.
+    fn record_decreases(&self, recording: &mut Recording, found: u32, before: u32) -> u32 {
+        let count = found.div_ceil(DECREASE_CHUNK);
+        let sums = DecreaseParams { count, found, first: self.internal.div_ceil(COST_CHUNK) + before };
+        recording.dispatch("cost", Kernel::PrbvhDecrease, count, &sums, &[&self.moves.found, &self.partial]);
         count
     }
 

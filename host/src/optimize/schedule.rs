@@ -1,6 +1,6 @@
 //! When to search more nodes, and when to stop (Meister & Bittner 2018, §4.4).
 
-use super::{IterationRow, Strategy};
+use super::{IterationRow, MoveKind, Strategy};
 use serde::Serialize;
 use std::time::Duration;
 
@@ -19,6 +19,8 @@ pub enum Epsilon {
 pub struct PrbvhSettings {
     /// When a reinsertion may run beside others.
     pub strategy: Strategy,
+    /// What an iteration moves.
+    pub moves: MoveKind,
     /// Every `mu`-th node is searched, another set each iteration; at least 1. Falls to 1 as the cost settles.
     pub mu: u32,
     /// A smaller change of the cost ends the search with this `mu`.
@@ -38,6 +40,7 @@ impl Default for PrbvhSettings {
     fn default() -> Self {
         Self {
             strategy: Strategy::default(),
+            moves: MoveKind::default(),
             mu: 9,
             epsilon: Epsilon::Relative(1e-4),
             max_iterations: 1000,

@@ -104,7 +104,7 @@ impl Decide<'_> {
         let info = DeviceInfo { atomics_64, ..self.info.clone() };
         let after = |iterations| {
             let mut dry = DryDevice::new(&info);
-            dry.optimize(self.scene.triangles.len(), strategy, iterations)?;
+            dry.optimize(self.scene.triangles.len(), strategy, self.settings.prbvh.moves, iterations)?;
             Ok(dry.taken())
         };
         Ok([after(0)?, after(1)?])

@@ -4,7 +4,7 @@ use super::{Omission, PhaseBytes};
 use crate::build::{self, Codes, DeviceTree};
 use crate::collapse;
 use crate::device::{Buffer, Command, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
-use crate::optimize::{PrbvhSettings, Strategy, prbvh};
+use crate::optimize::{MoveKind, PrbvhSettings, Strategy, prbvh};
 use crate::pipeline::Initial;
 use crate::trace::TraceScene;
 use prbvh_kernel::setup::Triangle;
@@ -78,10 +78,11 @@ impl DryDevice {
         &mut self,
         triangles: usize,
         strategy: Strategy,
+        moves: MoveKind,
         iterations: u32,
     ) -> Result<(), DeviceError> {
         let tree = self.tree(triangles)?;
-        let settings = PrbvhSettings { strategy, max_iterations: iterations, ..PrbvhSettings::default() };
+        let settings = PrbvhSettings { strategy, moves, max_iterations: iterations, ..PrbvhSettings::default() };
         prbvh(self, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(()))?;
         tree.free(self);
         Ok(())

@@ -3,7 +3,7 @@
 use super::Plan;
 use super::dry::DryDevice;
 use crate::device::{DeviceError, DeviceInfo};
-use crate::optimize::Strategy;
+use crate::optimize::{MoveKind, Strategy};
 use crate::pipeline::{Optimizer, Settings};
 use crate::scene::Scene;
 use serde::Serialize;
@@ -53,12 +53,17 @@ pub(super) fn phases(
         stage(&mut dry)?;
         Ok(dry.phase(name, runs))
     };
-    let optimizes = |strategy| settings.optimizer == Optimizer::Prbvh && settings.prbvh.strategy == strategy;
+    let chosen = (settings.prbvh.strategy, settings.prbvh.moves);
+    let optimizes = |strategy, moves| settings.optimizer == Optimizer::Prbvh && chosen == (strategy, moves);
     let mut phases = vec![phase(format!("build, {}", settings.initial.method()), true, &|dry| {
         dry.build(&settings.initial, plan.codes, &scene.triangles)
     })?];
     for strategy in [Strategy::Aggressive, Strategy::Conservative] {
-        phases.push(phase(format!("optimise, {strategy}"), optimizes(strategy), &|dry| dry.optimize(n, strategy, 0))?);
+        for (moves, name) in [(MoveKind::Single, ""), (MoveKind::Dual, ", dual moves")] {
+            let runs = optimizes(strategy, moves);
+            let name = format!("optimise, {strategy}{name}");
+            phases.push(phase(name, runs, &|dry| dry.optimize(n, strategy, moves, 0))?);
+        }
     }
     phases.push(phase("collapse".to_owned(), plan.collapses, &|dry| dry.collapse(n))?);
     phases.push(phase("trace".to_owned(), false, &|dry| dry.trace(n))?);

@@ -64,6 +64,7 @@ pub(super) fn report(iterations: u32) -> RunReport {
             optimizer: "prbvh".to_owned(),
             rbvh: None,
             strategy: "aggressive".to_owned(),
+            moves: "single".to_owned(),
             mu: 9,
             epsilon: 1e-4,
             epsilon_relative: true,
