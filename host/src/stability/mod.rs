@@ -15,7 +15,7 @@ mod subject;
 mod table;
 
 pub use catalogue::{CATALOGUE, Case};
-pub use check::{AXES_BOUND, F32_COST_BOUND};
+pub use check::{AXES_BOUND, DUAL_AXES_BOUND, F32_COST_BOUND};
 pub use lane::Lane;
 pub use method::{Method, methods};
 pub use ready::CaseError;
