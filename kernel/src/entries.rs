@@ -20,6 +20,7 @@ use crate::ploc::{self, Cluster, ClustersParams, Progress};
 use crate::prbvh::check::{check, check_words};
 use crate::prbvh::conservative::{check as conservative_check, lock as conservative_lock};
 use crate::prbvh::decrease::{DecreaseParams, decrease};
+use crate::prbvh::dual::{self, check as dual_check, lock as dual_lock};
 use crate::prbvh::lock::{lock, lock_decrease, lock_input};
 use crate::prbvh::search::search;
 use crate::prbvh::{PrbvhParams, Reinsertion, candidates, paths, reinsert::reinsert};
@@ -165,143 +166,122 @@ kernels! {
     ] => |i| cost::cost(i, params, nodes, arrivals, partial, report);
 
     PrbvhSearch prbvh_search(params: PrbvhParams) [
-        0 nodes: &[Node],
-        1 found: &[Slot<Reinsertion>],
-        2 report: &[AtomicU32],
+        0 nodes: &[Node], 1 found: &[Slot<Reinsertion>], 2 report: &[AtomicU32],
     ] => |i| {
         search(params.input(i), params, nodes, &found[i as usize], report);
     };
 
     PrbvhSearchCandidates prbvh_search_candidates(params: PrbvhParams) [
-        0 nodes: &[Node],
-        1 candidates: &[u32],
-        2 found: &[Slot<Reinsertion>],
-        3 report: &[AtomicU32],
+        0 nodes: &[Node], 1 candidates: &[u32], 2 found: &[Slot<Reinsertion>], 3 report: &[AtomicU32],
     ] => |i| {
         search(candidates[params.input(i) as usize], params, nodes, &found[i as usize], report);
     };
 
     PrbvhFlag prbvh_flag(params: PrbvhParams) [
-        0 nodes: &[Node],
-        1 flags: &[Slot<u32>],
+        0 nodes: &[Node], 1 flags: &[Slot<u32>],
     ] => |i| candidates::flag(i, params, nodes, flags);
 
     PrbvhPack prbvh_pack(params: PrbvhParams) [
-        0 places: &[u32],
-        1 candidates: &[Slot<u32>],
-        2 report: &[AtomicU32],
+        0 places: &[u32], 1 candidates: &[Slot<u32>], 2 report: &[AtomicU32],
     ] => |i| candidates::pack(i, params, places, candidates, report);
 
     PrbvhLock prbvh_lock(params: PrbvhParams) [
-        0 nodes: &[Node],
-        1 found: &[Reinsertion],
-        2 locks: &[AtomicU64],
+        0 nodes: &[Node], 1 found: &[Reinsertion], 2 locks: &[AtomicU64],
     ] => |i| lock(i, params, nodes, found, locks);
 
     PrbvhLockDecrease prbvh_lock_decrease(params: PrbvhParams) [
-        0 nodes: &[Node],
-        1 found: &[Reinsertion],
-        2 decreases: &[AtomicU32],
+        0 nodes: &[Node], 1 found: &[Reinsertion], 2 decreases: &[AtomicU32],
     ] => |i| lock_decrease(i, params, nodes, found, decreases);
 
     PrbvhLockInput prbvh_lock_input(params: PrbvhParams) [
-        0 nodes: &[Node],
-        1 found: &[Reinsertion],
-        2 decreases: &[u32],
-        3 inputs: &[AtomicU32],
+        0 nodes: &[Node], 1 found: &[Reinsertion], 2 decreases: &[u32], 3 inputs: &[AtomicU32],
     ] => |i| lock_input(i, params, nodes, found, decreases, inputs);
 
     PrbvhCheck prbvh_check(params: PrbvhParams) [
-        0 nodes: &[Node],
-        1 locks: &[u64],
-        2 found: &[Slot<Reinsertion>],
-        3 report: &[AtomicU32],
+        0 nodes: &[Node], 1 locks: &[u64], 2 found: &[Slot<Reinsertion>], 3 report: &[AtomicU32],
     ] => |i| check(i, params, nodes, locks, found, report);
 
     PrbvhCheckWords prbvh_check_words(params: PrbvhParams) [
-        0 nodes: &[Node],
-        1 decreases: &[u32],
-        2 inputs: &[u32],
-        3 found: &[Slot<Reinsertion>],
+        0 nodes: &[Node], 1 decreases: &[u32], 2 inputs: &[u32], 3 found: &[Slot<Reinsertion>],
         4 report: &[AtomicU32],
     ] => |i| check_words(i, params, nodes, decreases, inputs, found, report);
 
     PrbvhSearchTop prbvh_search_top(params: PrbvhParams) [
-        0 nodes: &[Node],
-        1 found: &[Slot<Reinsertion>],
-        2 tops: &[Slot<u32>],
-        3 report: &[AtomicU32],
+        0 nodes: &[Node], 1 found: &[Slot<Reinsertion>], 2 tops: &[Slot<u32>], 3 report: &[AtomicU32],
     ] => |i| tops[i as usize].set(search(params.input(i), params, nodes, &found[i as usize], report));
 
     PrbvhSearchTopCandidates prbvh_search_top_candidates(params: PrbvhParams) [
-        0 nodes: &[Node],
-        1 candidates: &[u32],
-        2 found: &[Slot<Reinsertion>],
-        3 tops: &[Slot<u32>],
+        0 nodes: &[Node], 1 candidates: &[u32], 2 found: &[Slot<Reinsertion>], 3 tops: &[Slot<u32>],
         4 report: &[AtomicU32],
     ] => |i| tops[i as usize].set(search(candidates[params.input(i) as usize], params, nodes, &found[i as usize], report));
 
     ConservativeLock conservative_lock(params: PrbvhParams) [
-        0 nodes: &[Node],
-        1 found: &[Reinsertion],
-        2 tops: &[u32],
-        3 locks: &[AtomicU64],
+        0 nodes: &[Node], 1 found: &[Reinsertion], 2 tops: &[u32], 3 locks: &[AtomicU64],
     ] => |i| conservative_lock::lock(i, params, nodes, found, tops, locks);
 
     ConservativeLockDecrease conservative_lock_decrease(params: PrbvhParams) [
-        0 nodes: &[Node],
-        1 found: &[Reinsertion],
-        2 tops: &[u32],
-        3 decreases: &[AtomicU32],
+        0 nodes: &[Node], 1 found: &[Reinsertion], 2 tops: &[u32], 3 decreases: &[AtomicU32],
     ] => |i| conservative_lock::lock_decrease(i, params, nodes, found, tops, decreases);
 
     ConservativeLockInput conservative_lock_input(params: PrbvhParams) [
-        0 nodes: &[Node],
-        1 found: &[Reinsertion],
-        2 tops: &[u32],
-        3 decreases: &[u32],
+        0 nodes: &[Node], 1 found: &[Reinsertion], 2 tops: &[u32], 3 decreases: &[u32],
         4 inputs: &[AtomicU32],
     ] => |i| conservative_lock::lock_input(i, params, nodes, found, tops, decreases, inputs);
 
     ConservativeCheck conservative_check(params: PrbvhParams) [
-        0 nodes: &[Node],
-        1 tops: &[u32],
-        2 locks: &[u64],
-        3 found: &[Slot<Reinsertion>],
+        0 nodes: &[Node], 1 tops: &[u32], 2 locks: &[u64], 3 found: &[Slot<Reinsertion>],
         4 report: &[AtomicU32],
     ] => |i| conservative_check::check(i, params, nodes, tops, locks, found, report);
 
     ConservativeCheckWords conservative_check_words(params: PrbvhParams) [
-        0 nodes: &[Node],
-        1 tops: &[u32],
-        2 decreases: &[u32],
-        3 inputs: &[u32],
-        4 found: &[Slot<Reinsertion>],
-        5 report: &[AtomicU32],
+        0 nodes: &[Node], 1 tops: &[u32], 2 decreases: &[u32], 3 inputs: &[u32],
+        4 found: &[Slot<Reinsertion>], 5 report: &[AtomicU32],
     ] => |i| conservative_check::check_words(i, params, nodes, tops, decreases, inputs, found, report);
 
     PrbvhDecrease prbvh_decrease(params: DecreaseParams) [
-        0 found: &[Reinsertion],
-        1 partial: &[Slot<f32>],
+        0 found: &[Reinsertion], 1 partial: &[Slot<f32>],
     ] => |i| decrease(i, params, found, partial);
 
     PrbvhReinsert prbvh_reinsert(params: PrbvhParams) [
-        0 found: &[Slot<Reinsertion>],
-        1 nodes: &[AtomicNode],
-        2 report: &[AtomicU32],
+        0 found: &[Slot<Reinsertion>], 1 nodes: &[AtomicNode], 2 report: &[AtomicU32],
     ] => |i| reinsert(i, found, nodes, report);
 
     PrbvhMarkPaths prbvh_mark_paths(params: PrbvhParams) [
-        0 found: &[Reinsertion],
-        1 nodes: &[Node],
-        2 ways: &[AtomicU32],
+        0 found: &[Reinsertion], 1 nodes: &[Node], 2 ways: &[AtomicU32],
     ] => |i| paths::mark(i, params, found, nodes, ways);
 
     PrbvhRefitPaths prbvh_refit_paths(params: PrbvhParams) [
-        0 found: &[Reinsertion],
-        1 nodes: &[AtomicNode],
-        2 ways: &[AtomicU32],
+        0 found: &[Reinsertion], 1 nodes: &[AtomicNode], 2 ways: &[AtomicU32],
     ] => |i| paths::refit(i, params, found, nodes, ways);
+
+    DualSearch dual_search(params: PrbvhParams) [
+        0 nodes: &[Node], 1 found: &[Slot<Reinsertion>], 2 seconds: &[Slot<u32>], 3 report: &[AtomicU32],
+    ] => |i| dual::search::search(i, params, nodes, found, seconds, report);
+
+    DualLock dual_lock(params: PrbvhParams) [
+        0 nodes: &[Node], 1 found: &[Reinsertion], 2 seconds: &[u32], 3 locks: &[AtomicU64],
+    ] => |i| dual_lock::lock(i, params, nodes, found, seconds, locks);
+
+    DualLockDecrease dual_lock_decrease(params: PrbvhParams) [
+        0 nodes: &[Node], 1 found: &[Reinsertion], 2 seconds: &[u32], 3 decreases: &[AtomicU32],
+    ] => |i| dual_lock::lock_decrease(i, params, nodes, found, seconds, decreases);
+
+    DualLockInput dual_lock_input(params: PrbvhParams) [
+        0 nodes: &[Node], 1 found: &[Reinsertion], 2 seconds: &[u32], 3 decreases: &[u32], 4 inputs: &[AtomicU32],
+    ] => |i| dual_lock::lock_input(i, params, nodes, found, seconds, decreases, inputs);
+
+    DualCheck dual_check(params: PrbvhParams) [
+        0 nodes: &[Node], 1 seconds: &[u32], 2 locks: &[u64], 3 found: &[Slot<Reinsertion>], 4 report: &[AtomicU32],
+    ] => |i| dual_check::check(i, params, nodes, seconds, locks, found, report);
+
+    DualCheckWords dual_check_words(params: PrbvhParams) [
+        0 nodes: &[Node], 1 seconds: &[u32], 2 decreases: &[u32], 3 inputs: &[u32], 4 found: &[Slot<Reinsertion>],
+        5 report: &[AtomicU32],
+    ] => |i| dual_check::check_words(i, params, nodes, seconds, decreases, inputs, found, report);
+
+    DualReinsert dual_reinsert(params: PrbvhParams) [
+        0 found: &[Reinsertion], 1 seconds: &[u32], 2 nodes: &[AtomicNode], 3 report: &[AtomicU32],
+    ] => |i| dual::reinsert::reinsert(i, params, found, seconds, nodes, report);
 
     SnapshotSave snapshot_save(params: SnapshotParams) [
         0 nodes: &[Node],

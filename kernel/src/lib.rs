@@ -16,6 +16,7 @@
 //! | [`cost`] | `cost` | boxes → partial sums of half surface areas |
 //! | [`prbvh`] | `prbvh_search`, `prbvh_lock`, `prbvh_check`, `prbvh_decrease`, `prbvh_reinsert` | tree → better tree |
 //! | [`prbvh::conservative`] | `prbvh_search_top`, `conservative_lock`, `conservative_check` | the same, slower and steadier |
+//! | [`prbvh::dual`] | `dual_search`, `dual_lock`, `dual_check`, `prbvh_decrease`, `dual_reinsert` | tree → better tree, by moves of two subtrees |
 //! | [`snapshot`] | `snapshot_save`, `snapshot_restore` | links ↔ best links |
 //! | [`mod@collapse`] | `collapse_sizes`, `collapse_places`, `collapse_jump`, `collapse_emit` | tree → tree with adaptive leaves |
 //! | [`trace`] | `trace_32`, `trace_64`, `trace_128`, `trace_deep`, `trace_count` | tree, rays → hits |

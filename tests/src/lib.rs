@@ -5,6 +5,7 @@ pub mod browser;
 pub mod command;
 pub mod compare;
 pub mod devices;
+pub mod dual;
 pub mod fixtures;
 pub mod footprint;
 pub mod made_up;

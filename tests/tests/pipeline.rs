@@ -3,7 +3,7 @@
 use prbvh::build::{MortonBits, lbvh};
 use prbvh::bvh::{Bvh, quality, tree_hash, validate};
 use prbvh::device::Device;
-use prbvh::optimize::{Epsilon, IterationRow, Limits, PrbvhSettings, StopReason, Strategy, prbvh};
+use prbvh::optimize::{Epsilon, IterationRow, Limits, MoveKind, PrbvhSettings, StopReason, Strategy, prbvh};
 use prbvh::pipeline::{Settings, optimize};
 use prbvh::scene::{SafeRange, Scene, built_in};
 use prbvh_kernel::setup::Triangle;
@@ -36,7 +36,8 @@ fn trace(device: &mut dyn Device, scene: &Scene, bits: MortonBits, settings: &Pr
         assert_eq!(predicted_decrease > 0.0, applied > 0, "{row:?}");
         let measured = quality(&tree, &Default::default()).sah_cost;
         assert!((cost / measured - 1.0).abs() < 1e-5, "device says {cost}, f64 says {measured}");
-        if let (Strategy::Conservative, Some(before)) = (settings.strategy, costs.last())
+        let adds_up = (settings.strategy, settings.moves) == (Strategy::Conservative, MoveKind::Single);
+        if let (true, Some(before)) = (adds_up, costs.last())
             && let Some(fault) = prediction_fault(*before, measured, predicted_decrease)
         {
             panic!("{} at iteration {iteration}: {fault}", scene.name);
@@ -115,6 +116,30 @@ fn the_conservative_strategy_falls_as_predicted_and_is_the_same_everywhere() {
         let scene = Scene::from_triangles(name, triangles).unwrap();
         for mu in [1, 9] {
             let settings = PrbvhSettings { mu, limits: Limits::iterations(40), ..conservative.clone() };
+            same_everywhere(&scene, MortonBits::Sixty, &settings);
+        }
+    }
+}
+
+#[test]
+fn dual_moves_end_below_single_ones_and_are_the_same_everywhere() {
+    let dual = PrbvhSettings { moves: MoveKind::Dual, ..PrbvhSettings::default() };
+    let settings = |prbvh: &PrbvhSettings| Settings { prbvh: prbvh.clone(), ..Settings::default() };
+    let scene = built_in(6000);
+    let cost = |prbvh: &PrbvhSettings| run(&scene, &settings(prbvh), u32::MAX).quality.sah_cost;
+    let (single_cost, dual_cost) = (cost(&PrbvhSettings::default()), cost(&dual));
+    assert!(dual_cost < 0.995 * single_cost, "{dual_cost} against {single_cost}");
+    let scenes = [
+        ("soup", soup(2000, 0.2, 8)),
+        ("grid", grid(30)),
+        ("twice", soup(600, 0.1, 9).repeat(2)),
+        ("one place", soup(1, 0.1, 9).repeat(50)),
+        ("two", soup(2, 0.1, 9)),
+    ];
+    for (name, triangles) in scenes {
+        let scene = Scene::from_triangles(name, triangles).unwrap();
+        for (mu, strategy) in [(1, Strategy::Aggressive), (9, Strategy::Aggressive), (4, Strategy::Conservative)] {
+            let settings = PrbvhSettings { mu, strategy, limits: Limits::iterations(20), ..dual.clone() };
             same_everywhere(&scene, MortonBits::Sixty, &settings);
         }
     }

@@ -3,7 +3,7 @@
 use prbvh::bvh::{Bvh, Content};
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{Device, DeviceError};
-use prbvh::optimize::{PrbvhSettings, StopReason};
+use prbvh::optimize::{Limits, PrbvhSettings, StopReason};
 use prbvh::pipeline::{Optimized, Settings};
 use prbvh::scene::{Scene, built_in};
 use prbvh::stability::{
@@ -357,8 +357,10 @@ fn one_float32_sum_is_out_of_the_bound() {
     assert!(large.chunked < 0.1 * F32_COST_BOUND, "{large:?}");
     // A row of the optimiser has the chunked sum.
     let scene = built_in(250_000);
-    let settings =
-        Settings { prbvh: PrbvhSettings { limits: Limits::iterations(0), ..PrbvhSettings::default() }, ..Settings::default() };
+    let settings = Settings {
+        prbvh: PrbvhSettings { limits: Limits::iterations(0), ..PrbvhSettings::default() },
+        ..Settings::default()
+    };
     let report = checked(&scene, &mut CpuDevice::new(0).unwrap(), &settings).unwrap();
     assert!(report.is_green() && report.rows[0].cost_error < 0.1 * F32_COST_BOUND, "{report:?}");
 }

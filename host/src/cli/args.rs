@@ -12,7 +12,7 @@ use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use prbvh::build::{DEFAULT_RADIUS, MortonBits, TreeletSize};
 use prbvh::device::DeviceChoice;
-use prbvh::optimize::{Epsilon, Order, PrbvhSettings, Strategy};
+use prbvh::optimize::{Epsilon, MoveKind, Order, PrbvhSettings, Strategy};
 use prbvh::pipeline::{Initial, Settings};
 use std::ffi::OsString;
 use std::num::NonZeroU32;
@@ -82,6 +82,9 @@ pub(super) struct OptimizeArgs {
     /// Which nodes PRBVH searches first.
     #[arg(long, value_enum, default_value_t)]
     pub(super) order: OrderArg,
+    /// What an iteration moves.
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) moves: MovesArg,
     /// Settings that were chosen by measurement, in place of those of the initial tree and the optimiser.
     #[arg(long, value_enum, conflicts_with_all = PRESET_SETS)]
     pub(super) preset: Option<PresetArg>,
@@ -170,6 +173,10 @@ impl OptimizeArgs {
                     StrategyArg::Conservative => Strategy::Conservative,
                 },
                 mu: self.mu.unwrap_or(defaults.mu),
+                moves: match self.moves {
+                    MovesArg::Single => MoveKind::Single,
+                    MovesArg::Dual => MoveKind::Dual,
+                },
                 epsilon,
                 ..defaults
             },
@@ -219,6 +226,15 @@ pub(super) enum OrderArg {
     Interleaved,
     /// Those that may gain most, and then ever more of them: most of the gain comes early.
     LargestFirst,
+}
+
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub(super) enum MovesArg {
+    /// Single subtrees.
+    #[default]
+    Single,
+    /// Both children of internal nodes at once too: slower iterations, a lower cost in the end.
+    Dual,
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]

@@ -162,6 +162,7 @@ fn report(
             },
             strategy: value_name::<StrategyArg>(args.strategy),
             order: value_name::<OrderArg>(args.order),
+            moves: settings.prbvh.moves.to_string(),
             optimizer: settings.optimizer.to_string(),
             fold_duplicates: settings.fold_duplicates,
             rbvh: match &settings.optimizer {

@@ -5,12 +5,13 @@ use prbvh::pipeline::Settings;
 use prbvh::presets::Preset;
 
 /// Arguments whose settings a preset has: beside it they are refused. Limits, targets and leaves may stand beside it.
-pub(super) const PRESET_SETS: [&str; 11] = [
+pub(super) const PRESET_SETS: [&str; 12] = [
     "initial",
     "radius",
     "treelet",
     "strategy",
     "order",
+    "moves",
     "optimizer",
     "batch",
     "seed",
@@ -75,6 +76,7 @@ mod tests {
             "--treelet 9",
             "--strategy aggressive",
             "--order interleaved",
+            "--moves dual",
             "--optimizer prbvh",
             "--batch 0.1",
             "--seed 1",

@@ -89,6 +89,7 @@ pub(super) fn run(args: &StabilityArgs) -> anyhow::Result<ExitCode> {
             "devices": devices,
             "f32_cost_bound": stability::F32_COST_BOUND,
             "axes_bound": stability::AXES_BOUND,
+            "dual_axes_bound": stability::DUAL_AXES_BOUND,
             "complete": is_whole,
             "red": red,
             "rows": rows,

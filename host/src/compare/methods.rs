@@ -7,7 +7,7 @@ use crate::build::MortonBits;
 #[cfg(feature = "atrbvh")]
 use crate::build::TreeletSize;
 use crate::device::cpu::CpuDevice;
-use crate::optimize::{self, IterationRow, Order, PrbvhSettings, RbvhSettings};
+use crate::optimize::{self, IterationRow, MoveKind, Order, PrbvhSettings, RbvhSettings};
 use crate::pipeline::{Initial, Optimizer, Settings};
 use crate::presets::{self, Candidate};
 use prbvh_kernel::node::Node;
@@ -115,6 +115,7 @@ const METHODS: &[Entry] = &[
             vec![Job { method: "prbvh largest first".to_owned(), ..prbvh(settings, PrbvhSettings::default().mu) }]
         },
     },
+    Entry { name: "prbvh-dual", is_default: true, jobs: |_| vec![prbvh_dual(PrbvhSettings::default().mu)] },
     Entry {
         name: "sah-sweep",
         is_default: true,
@@ -141,6 +142,13 @@ fn initial(method: String, initial: Initial) -> Job {
 pub(super) fn prbvh(settings: Settings, mu: u32) -> Job {
     let prbvh = PrbvhSettings { mu, ..settings.prbvh.clone() };
     Job { method: "prbvh".to_owned(), mu: Some(mu), builder: Builder::Pipeline(Settings { prbvh, ..settings }) }
+}
+
+/// PRBVH with dual moves.
+fn prbvh_dual(mu: u32) -> Job {
+    let prbvh = PrbvhSettings { mu, moves: MoveKind::Dual, ..PrbvhSettings::default() };
+    let builder = Builder::Pipeline(Settings { prbvh, ..Settings::default() });
+    Job { method: "prbvh dual".to_owned(), mu: Some(mu), builder }
 }
 
 /// A setting that presets are chosen from; none where this program was built without its initial tree.
@@ -260,7 +268,7 @@ mod tests {
     #[test]
     fn an_unknown_name_is_refused_with_the_known_ones() {
         let error = methods(&["lbvh", "magic"]).unwrap_err().to_string();
-        for part in ["`magic`", "ploc, rbvh, prbvh, sah-sweep, sah-binned"] {
+        for part in ["`magic`", "ploc, rbvh, prbvh, prbvh-dual, sah-sweep, sah-binned"] {
             assert!(error.contains(part), "{error}");
         }
     }

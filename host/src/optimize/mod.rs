@@ -2,6 +2,7 @@
 
 mod current;
 mod descent;
+mod dual;
 mod limits;
 mod moves;
 mod prbvh;
@@ -10,6 +11,7 @@ mod row;
 mod schedule;
 
 pub use current::CurrentTree;
+pub use dual::MoveKind;
 pub use limits::Limits;
 pub use moves::Strategy;
 pub use prbvh::{Outcome, prbvh};

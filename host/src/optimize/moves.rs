@@ -31,7 +31,7 @@ impl fmt::Display for Strategy {
 
 /// Locks of one 64-bit word, or of two of 32 bits where the device has no 64-bit atomics.
 #[derive(Debug)]
-enum Locks {
+pub(super) enum Locks {
     Word(Buffer),
     Words { decreases: Buffer, inputs: Buffer },
 }
@@ -41,7 +41,7 @@ enum Locks {
 pub(super) struct Moves {
     /// After the check: what moves.
     pub(super) found: Buffer,
-    locks: Locks,
+    pub(super) locks: Locks,
     /// Of the conservative strategy.
     tops: Option<Buffer>,
 }
@@ -71,6 +71,17 @@ impl Moves {
         Ok(Self { found, locks, tops })
     }
 
+    /// Records that all nodes are free.
+    pub(super) fn clear_locks(&self, recording: &mut Recording, label: &'static str) {
+        match &self.locks {
+            Locks::Word(locks) => recording.clear(label, locks),
+            Locks::Words { decreases, inputs } => {
+                recording.clear(label, decreases);
+                recording.clear(label, inputs);
+            }
+        }
+    }
+
     /// Records search, lock and check over the tree `nodes`, of every node or of those on a list.
     pub(super) fn record(
         &self,
@@ -81,13 +92,7 @@ impl Moves {
         report: &Buffer,
     ) {
         let Self { found, locks, tops } = self;
-        match locks {
-            Locks::Word(locks) => recording.clear("lock", locks),
-            Locks::Words { decreases, inputs } => {
-                recording.clear("lock", decreases);
-                recording.clear("lock", inputs);
-            }
-        }
+        self.clear_locks(recording, "lock");
         let mut dispatch = |label, kernel, buffers: &[&Buffer]| {
             recording.dispatch(label, kernel, params.count, params, buffers);
         };

@@ -1,9 +1,10 @@
 //! The PRBVH iterations: search, lock, check, reinsert, refit, cost.
 
 use super::descent::{Candidates, Descent};
+use super::dual::DualMoves;
 use super::moves::Moves;
 use super::schedule::Schedule;
-use super::{IterationRow, Order, PrbvhSettings, StopReason, set_relative_errors};
+use super::{IterationRow, MoveKind, Order, PrbvhSettings, StopReason, set_relative_errors};
 use crate::build::{DeviceTree, Scratch, arrivals_length, record_refit};
 use crate::bvh::SahModel;
 use crate::device::{Buffer, Device, DeviceError, Lease, Recording, Timing};
@@ -70,6 +71,7 @@ struct WorkingSet<'a> {
     scratch: Scratch,
     moves: Moves,
     candidates: Option<Candidates>,
+    dual: Option<DualMoves>,
     arrivals: Buffer,
     /// What the last refit left in `arrivals`.
     arrived: u32,
@@ -99,18 +101,23 @@ impl<'a> WorkingSet<'a> {
         let node_count = DeviceTree::node_count(tree.references);
         let length = node_count as usize;
         let mut scratch = Scratch::default();
+        let internal = tree.references - 1;
         let moves = Moves::new(device, &mut scratch, settings.strategy, length)?;
         let candidates = match settings.order {
             Order::Interleaved => None,
             Order::LargestFirst => Some(Candidates::new(&mut scratch, device, node_count)?),
         };
+        let dual = match settings.moves {
+            MoveKind::Single => None,
+            MoveKind::Dual => Some(DualMoves::new(device, &mut scratch, internal)?),
+        };
         let mut buffer = |label, length, bytes| scratch.allocate(device, label, length, bytes);
         let arrivals = buffer("arrivals", arrivals_length(tree.references), 4)?;
-        let chunks = node_count.div_ceil(COST_CHUNK) + node_count.div_ceil(DECREASE_CHUNK);
+        let searched = if dual.is_some() { internal.div_ceil(DECREASE_CHUNK) } else { 0 };
+        let chunks = node_count.div_ceil(COST_CHUNK) + node_count.div_ceil(DECREASE_CHUNK) + searched;
         let partial = buffer("partial sums", chunks as usize, 4)?;
         let report = buffer("report", REPORT_WORDS as usize, 4)?;
         let best_links = buffer("best links", length, size_of::<NodeLinks>())?;
-        let internal = tree.references - 1;
         Ok(Self {
             tree,
             internal,
@@ -118,6 +125,7 @@ impl<'a> WorkingSet<'a> {
             scratch,
             moves,
             candidates,
+            dual,
             arrivals,
             arrived: 0,
             partial,
@@ -348,12 +356,23 @@ impl<'a> WorkingSet<'a> {
         let list = self.candidates.as_ref().filter(|_| of_list).map(|candidates| &candidates.list);
         self.moves.record(&mut recording, params, list, nodes, report);
         let area_chunks = self.internal.div_ceil(COST_CHUNK);
-        let chunks = count.div_ceil(DECREASE_CHUNK);
-        let sums = DecreaseParams { count: chunks, found: count, first: area_chunks };
-        recording.dispatch("cost", Kernel::PrbvhDecrease, chunks, &sums, &[found, &self.partial]);
+        let mut chunks = self.record_decreases(&mut recording, count, 0);
         recording.dispatch("reinsert", Kernel::PrbvhReinsert, count, params, &[found, nodes, report]);
+        if self.arrived != 0 {
+            recording.clear("refit", &self.arrivals);
+            self.arrived = 0;
+        }
         recording.dispatch("refit", Kernel::PrbvhMarkPaths, count, params, &[found, nodes, &self.arrivals]);
         recording.dispatch("refit", Kernel::PrbvhRefitPaths, count, params, &[found, nodes, &self.arrivals]);
+        if let Some(dual) = self.dual.as_ref().filter(|_| !of_list) {
+            let params =
+                PrbvhParams { count: self.internal.saturating_sub(params.first).div_ceil(params.mu), ..*params };
+            dual.record(&mut recording, &params, &self.moves, nodes, report);
+            chunks += self.record_decreases(&mut recording, params.count, chunks);
+            dual.record_reinsert(&mut recording, &params, &self.moves, nodes, report);
+            record_refit(&mut recording, self.tree.references, nodes, &self.arrivals);
+            self.arrived = 2;
+        }
         if measures {
             self.record_area_sum(&mut recording, 0, self.internal);
         }
@@ -366,6 +385,14 @@ impl<'a> WorkingSet<'a> {
         work.decreases += sum(decreases);
         work.searched += count;
         Ok(())
+    }
+
+    /// Sums what `found` reinsertions promise behind `before` other sums of that kind; returns how many sums it makes.
+    fn record_decreases(&self, recording: &mut Recording, found: u32, before: u32) -> u32 {
+        let count = found.div_ceil(DECREASE_CHUNK);
+        let sums = DecreaseParams { count, found, first: self.internal.div_ceil(COST_CHUNK) + before };
+        recording.dispatch("cost", Kernel::PrbvhDecrease, count, &sums, &[&self.moves.found, &self.partial]);
+        count
     }
 
     fn record_area_sum(&self, recording: &mut Recording, first: u32, nodes: u32) {

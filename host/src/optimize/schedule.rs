@@ -1,6 +1,6 @@
 //! When to search more nodes, and when to stop (Meister & Bittner 2018, §4.4).
 
-use super::{IterationRow, Limits, Strategy};
+use super::{IterationRow, Limits, MoveKind, Strategy};
 use serde::Serialize;
 use std::time::Duration;
 
@@ -42,6 +42,8 @@ pub struct PrbvhSettings {
     pub order: Order,
     /// When a reinsertion may run beside others.
     pub strategy: Strategy,
+    /// What an iteration moves.
+    pub moves: MoveKind,
     /// Every `mu`-th node is searched, another set each iteration; at least 1. Falls to 1 as the cost settles.
     pub mu: u32,
     /// A smaller change of the cost ends the search with this `mu`.
@@ -59,6 +61,7 @@ impl Default for PrbvhSettings {
         Self {
             order: Order::default(),
             strategy: Strategy::default(),
+            moves: MoveKind::default(),
             mu: 9,
             epsilon: Epsilon::Relative(1e-4),
             limits: Limits::iterations(1000),

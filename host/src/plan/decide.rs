@@ -5,7 +5,7 @@ use super::phase::{AGGRESSIVE, BUILD, COLLAPSE, CONSERVATIVE, ITERATIONS};
 use super::{CodeSize, Item, Omission, Plan, Saving, Status};
 use crate::build::{Codes, MOST_COMPARED, MortonBits};
 use crate::device::{DeviceError, DeviceInfo};
-use crate::optimize::{Order, Strategy};
+use crate::optimize::{Order, PrbvhSettings, Strategy};
 use crate::pipeline::{Initial, Optimizer, Settings};
 use crate::report::format;
 use crate::scene::Scene;
@@ -127,7 +127,8 @@ impl Decide<'_> {
     /// What PRBVH takes by this strategy on a device like this one.
     fn optimize(&self, strategy: Strategy, atomics_64: bool, iterations: u32) -> Result<Taken, DeviceError> {
         let mut dry = DryDevice::new(&DeviceInfo { atomics_64, ..self.info.clone() });
-        dry.optimize(self.plan.references, (strategy, self.settings.prbvh.order), iterations)?;
+        let prbvh = PrbvhSettings { strategy, ..self.settings.prbvh.clone() };
+        dry.optimize(self.plan.references, prbvh, iterations)?;
         Ok(dry.taken())
     }
 
@@ -219,7 +220,7 @@ impl Decide<'_> {
                 count(n)
             );
             let mut dry = DryDevice::new(self.info);
-            dry.optimize(n, (self.settings.prbvh.strategy, self.settings.prbvh.order), 0)?;
+            dry.optimize(n, self.settings.prbvh.clone(), 0)?;
             let run = self.plan.phases.iter().filter(|phase| phase.runs && !phase.phase.starts_with("collapse"));
             let peak_bytes = run.map(|phase| phase.peak_bytes).max().unwrap_or(0);
             let saved = saving(&dry.taken(), &Taken { peak_bytes, ..Taken::default() });

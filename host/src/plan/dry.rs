@@ -101,16 +101,15 @@ impl DryDevice {
     pub(super) fn optimize(
         &mut self,
         triangles: usize,
-        (strategy, order): (Strategy, Order),
+        settings: PrbvhSettings,
         iterations: u32,
     ) -> Result<(), DeviceError> {
         let tree = self.tree(triangles)?;
-        let settings =
-            PrbvhSettings { strategy, order, limits: Limits::iterations(iterations), ..PrbvhSettings::default() };
+        let settings = PrbvhSettings { limits: Limits::iterations(iterations), ..settings };
         prbvh(self, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(()))?;
         // Of a list that is empty here.
-        if order == Order::LargestFirst {
-            self.kernels.insert(match strategy {
+        if settings.order == Order::LargestFirst {
+            self.kernels.insert(match settings.strategy {
                 Strategy::Aggressive => Kernel::PrbvhSearchCandidates,
                 Strategy::Conservative => Kernel::PrbvhSearchTopCandidates,
             });

@@ -3,7 +3,7 @@
 use super::Plan;
 use super::dry::{DryDevice, Taken};
 use crate::device::{DeviceError, DeviceInfo};
-use crate::optimize::Strategy;
+use crate::optimize::{MoveKind, PrbvhSettings, Strategy};
 use crate::pipeline::{Optimizer, Settings};
 use crate::scene::Scene;
 use serde::Serialize;
@@ -70,11 +70,14 @@ pub(super) fn phases(
         vec![phase(format!("build, {}", settings.initial.method()), true, &|dry| {
             dry.build(&settings.initial, plan.codes, &scene.triangles[..references])
         })?];
+    let moves = match settings.prbvh.moves {
+        MoveKind::Single => "",
+        MoveKind::Dual => ", dual moves",
+    };
     for strategy in [Strategy::Aggressive, Strategy::Conservative] {
-        let name = format!("optimise, {strategy}");
-        phases.push(phase(name, optimizes(strategy), &|dry| {
-            dry.optimize(references, (strategy, settings.prbvh.order), ITERATIONS)
-        })?);
+        let name = format!("optimise, {strategy}{moves}");
+        let prbvh = PrbvhSettings { strategy, ..settings.prbvh.clone() };
+        phases.push(phase(name, optimizes(strategy), &|dry| dry.optimize(references, prbvh.clone(), ITERATIONS))?);
     }
     phases.push(phase("collapse".to_owned(), plan.collapses, &|dry| dry.collapse(n))?);
     phases.push(phase("trace".to_owned(), false, &|dry| dry.trace(n))?);

@@ -157,6 +157,8 @@ pub struct Settings {
     pub strategy: String,
     /// Which nodes are searched first.
     pub order: String,
+    /// What an iteration moves: `single` subtrees, or `dual` moves too.
+    pub moves: String,
     /// Sparse search: one node in `mu` is searched per iteration, at first.
     pub mu: u32,
     /// Change of cost below which `mu` shrinks.

@@ -79,6 +79,7 @@ pub(super) fn report(iterations: u32) -> RunReport {
             rbvh: None,
             strategy: "aggressive".to_owned(),
             order: "interleaved".to_owned(),
+            moves: "single".to_owned(),
             mu: 9,
             epsilon: 1e-4,
             epsilon_relative: true,

@@ -4,7 +4,7 @@ use crate::build::DEFAULT_RADIUS;
 #[cfg(feature = "atrbvh")]
 use crate::build::TreeletSize;
 use crate::collapse::CollapseSettings;
-use crate::optimize::{Limits, Order, PrbvhSettings, RbvhSettings, Strategy};
+use crate::optimize::{Limits, MoveKind, Order, PrbvhSettings, RbvhSettings, Strategy};
 use crate::pipeline::{Initial, Optimizer, Settings};
 
 /// A way from triangles to a tree.
@@ -44,6 +44,11 @@ impl Method {
         self
     }
 
+    fn dual(mut self) -> Self {
+        self.settings.prbvh.moves = MoveKind::Dual;
+        self
+    }
+
     /// Whether it is PRBVH that goes on from the initial tree, to one triangle per leaf: then its moves can be looked at.
     #[must_use]
     pub fn has_moves(&self) -> bool {
@@ -71,6 +76,8 @@ pub fn methods() -> Vec<Method> {
         Method::prbvh("prbvh-1", Initial::Lbvh, 1),
         Method::prbvh("conservative-9", Initial::Lbvh, 9).conservative(),
         Method::prbvh("largest-first-9", Initial::Lbvh, 9).largest_first(),
+        Method::prbvh("dual-9", Initial::Lbvh, 9).dual(),
+        Method::prbvh("dual-1", Initial::Lbvh, 1).dual(),
         Method::rbvh("rbvh"),
         Method::prbvh("ploc+prbvh-9", ploc(), 9),
         Method::prbvh("ploc+prbvh-1", ploc(), 1),

@@ -15,7 +15,7 @@ mod table;
 
 pub use crate::accuracy::F32_COST_BOUND;
 pub use catalogue::{CATALOGUE, Case};
-pub use check::AXES_BOUND;
+pub use check::{AXES_BOUND, DUAL_AXES_BOUND};
 pub use lane::Lane;
 pub use method::{Method, methods};
 pub use ready::CaseError;

@@ -1,4 +1,5 @@
-//! Parallel reinsertion: search, lock, check, reinsert. Lock and check are those of the aggressive strategy; [`conservative`] has others.
+//! Parallel reinsertion: search, lock, check, reinsert. Lock and check are those of the aggressive strategy; [`conservative`] has others, and
+//! [`dual`] moves both children of a node at once.
 //!
 //! Source: Meister & Bittner, *Parallel Reinsertion for Bounding Volume Hierarchy Optimization*, CGF 37(2), 2018.
 //!
@@ -39,6 +40,7 @@ pub mod candidates;
 pub mod check;
 pub mod conservative;
 pub mod decrease;
+pub mod dual;
 pub mod lock;
 pub mod paths;
 pub mod reinsert;

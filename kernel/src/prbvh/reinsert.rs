@@ -43,7 +43,7 @@ fn remove(input: u32, nodes: &[AtomicNode]) -> (u32, u32) {
 
 /// Makes `freed` the parent of `output` and `input` in the place of `output`.
 #[inline(always)]
-fn insert(input: u32, output: u32, freed: u32, nodes: &[AtomicNode]) {
+pub(super) fn insert(input: u32, output: u32, freed: u32, nodes: &[AtomicNode]) {
     replace(output, freed, nodes);
     nodes[freed as usize].set_down(output);
     nodes[output as usize].set_up(input);
@@ -52,7 +52,7 @@ fn insert(input: u32, output: u32, freed: u32, nodes: &[AtomicNode]) {
 
 /// Puts `new` in the place of `old`, which is not the root, below the parent of `old`.
 #[inline(always)]
-fn replace(old: u32, new: u32, nodes: &[AtomicNode]) {
+pub(super) fn replace(old: u32, new: u32, nodes: &[AtomicNode]) {
     let up = nodes.up(old);
     if up & RIGHT == 0 {
         let parent = nodes.up(up) & !RIGHT;

@@ -6,7 +6,7 @@ use super::{case, device, initial_tree, markdown, scene_of, texts};
 use crate::other_searches::{with_search, without_threshold};
 use prbvh::accuracy::area_decrease;
 use prbvh::device::Device;
-use prbvh::optimize::{Limits, Epsilon, PrbvhSettings};
+use prbvh::optimize::{Epsilon, Limits, PrbvhSettings};
 use prbvh::pipeline::Settings;
 use prbvh::scene::Scene;
 use prbvh::stability::{Library, Subject};
@@ -67,7 +67,8 @@ pub fn block() -> Block {
 /// How a run ends that is to go on for as long as the cost changes.
 fn end(scene: &Scene, mut device: Box<dyn Device>) -> String {
     let epsilon = Epsilon::Absolute(0.0);
-    let prbvh = PrbvhSettings { mu: 1, epsilon, patience: MANY, limits: Limits::iterations(MANY), ..PrbvhSettings::default() };
+    let prbvh =
+        PrbvhSettings { mu: 1, epsilon, patience: MANY, limits: Limits::iterations(MANY), ..PrbvhSettings::default() };
     let report = checked(scene, &mut *device, &Settings { prbvh, ..Settings::default() }).expect("the CPU optimises");
     let rises = report.rows.iter().filter(|row| row.measured_decrease < 0.0).count();
     let lowest = report.rows.iter().map(|row| row.exact_cost).fold(f64::INFINITY, f64::min);

@@ -1,0 +1,196 @@
+//! Where a child of a dissolved node costs least.
+
+use crate::aabb::Aabb;
+use crate::mem::AtomicU32;
+use crate::node::{Links, NO_NODE, Node, RIGHT, ROOT};
+use crate::status::{self, FAULT_SEARCH_STEPS};
+
+/// A child with its place.
+#[derive(Clone, Copy)]
+pub(super) struct Placed {
+    /// Its box.
+    pub(super) aabb: Aabb,
+    /// The child.
+    pub(super) child: u32,
+    /// Its new sibling; [`NO_NODE`] while it has no place.
+    pub(super) output: u32,
+    /// The lowest ancestor of the input above the output.
+    pub(super) pivot: u32,
+}
+
+impl Placed {
+    /// `child`, which has no place.
+    #[inline(always)]
+    pub(super) fn nowhere(child: u32, nodes: &[Node]) -> Self {
+        Self { aabb: nodes[child as usize].aabb(), child, output: NO_NODE, pivot: NO_NODE }
+    }
+
+    /// Whether node `v` with the box `aabb`, below `pivot`, has got the child below it.
+    #[inline(always)]
+    fn is_below(&self, v: u32, aabb: Aabb, pivot: u32, output_box: Aabb, nodes: &[Node], rounds: &mut Rounds) -> bool {
+        let mut is_below = false;
+        if pivot == self.pivot && v != self.output && aabb.contains(output_box) {
+            let mut w = nodes.parent(self.output);
+            while w != pivot && !is_below && rounds.next() {
+                is_below = w == v;
+                w = nodes.parent(w);
+            }
+        }
+        is_below
+    }
+}
+
+/// Counts the rounds of all loops of an invocation.
+#[derive(Clone, Copy)]
+pub(super) struct Rounds {
+    pub(super) left: u32,
+}
+
+impl Rounds {
+    /// Whether there is another round; if there is none, what the loops left is of no use.
+    #[inline(always)]
+    pub(super) fn next(&mut self) -> bool {
+        if self.left > 0 {
+            self.left -= 1;
+            true
+        } else {
+            false
+        }
+    }
+}
+
+/// The output that wins most.
+struct Best {
+    value: f32,
+    output: u32,
+    pivot: u32,
+}
+
+impl Best {
+    #[inline(always)]
+    fn offer(&mut self, value: f32, output: u32, pivot: u32) {
+        if value > self.value {
+            self.value = value;
+            self.output = output;
+            self.pivot = pivot;
+        }
+    }
+}
+
+/// What is searched for.
+#[derive(Clone, Copy)]
+pub(super) struct Search {
+    /// The node that was dissolved.
+    pub(super) input: u32,
+    /// Nodes of the tree.
+    pub(super) node_count: u32,
+    /// Sum of what the child would add to the ancestors of the input, from the grandparent to the root.
+    pub(super) most: f32,
+    /// What a place must be better than.
+    pub(super) floor: f32,
+}
+
+/// The best place of `child` in the tree without the input and its parent, but with `other`, if that has a place, and its value; the value
+/// is [`Search::most`] less the area that the insertion adds. The walk is the one of [`super::super::search`], with the boxes that ancestors
+/// have without the input. The output is the input's parent for the new parent of `other`.
+#[inline(always)]
+pub(super) fn best_place(
+    search: &Search,
+    child: &Placed,
+    other: &Placed,
+    nodes: &[Node],
+    rounds: &mut Rounds,
+    report: &[AtomicU32],
+) -> (Placed, f32) {
+    let internal = search.node_count / 2;
+    let child_area = child.aabb.half_area();
+    let sibling = nodes.sibling(search.input);
+    let parent = nodes.parent(search.input);
+    let mut output_box = Aabb::EMPTY;
+    // What the new parent of the other one grows by.
+    let mut new_growth = 0.0f32;
+    let mut new_area = 0.0f32;
+    if other.output != NO_NODE {
+        output_box = nodes[other.output as usize].aabb();
+        let new_box = output_box.union(other.aabb);
+        new_area = new_box.union(child.aabb).half_area();
+        new_growth = new_area - new_box.half_area();
+    }
+
+    let mut best = Best { value: search.floor, output: NO_NODE, pivot: NO_NODE };
+    let mut pivot = parent;
+    // The subtree to search below the pivot, and the box of the pivot without the input.
+    let mut top = sibling;
+    let mut pivot_box = nodes[sibling as usize].aabb();
+    // Whether the pivot has the other child below it.
+    let mut has_other = false;
+    // Sum of growths above the input below the pivot; `d` takes off the growths from the pivot down to `v`.
+    let mut d_pivot = 0.0f32;
+    let mut d = 0.0f32;
+    let mut v = sibling;
+    let mut done = false;
+
+    while !done && rounds.next() {
+        let node = nodes[v as usize];
+        let mut here = d;
+        if v == other.output {
+            best.offer(d - new_area, parent, pivot);
+            here = d - new_growth;
+            best.offer(here - other.aabb.union(child.aabb).half_area(), other.child, pivot);
+        }
+        let mut aabb = node.aabb();
+        if other.is_below(v, aabb, pivot, output_box, nodes, rounds) {
+            aabb = aabb.union(other.aabb);
+        }
+        let area = aabb.union(child.aabb).half_area();
+        best.offer(here - area, v, pivot);
+        // Written so that a NaN does not descend.
+        let d_below = here + (aabb.half_area() - area);
+        if v < internal && d_below - child_area > best.value {
+            d = d_below;
+            v = node.down;
+            continue;
+        }
+        // On to the next subtree in depth-first order; each step up takes a growth back.
+        let mut up = node.up;
+        while v != top && up & RIGHT != 0 && rounds.next() {
+            v = up & !RIGHT;
+            let above = nodes[v as usize];
+            let mut aabb = above.aabb();
+            if other.is_below(v, aabb, pivot, output_box, nodes, rounds) {
+                aabb = aabb.union(other.aabb);
+            }
+            d -= aabb.half_area() - aabb.union(child.aabb).half_area();
+            if v == other.output {
+                d += new_growth;
+            }
+            up = above.up;
+        }
+        if v != top {
+            v = up;
+            continue;
+        }
+        // The next pivot; none if even the child's own area would be too much.
+        if pivot == ROOT || search.most - child_area <= best.value {
+            done = true;
+        } else {
+            if pivot == other.pivot {
+                has_other = true;
+            }
+            if pivot != parent {
+                let aabb = if has_other { pivot_box.union(other.aabb) } else { pivot_box };
+                d_pivot += aabb.union(child.aabb).half_area() - aabb.half_area();
+            }
+            top = nodes.sibling(pivot);
+            pivot = nodes.parent(pivot);
+            pivot_box = pivot_box.union(nodes[top as usize].aabb());
+            v = top;
+            d = d_pivot;
+        }
+    }
+    // Neither at the end nor at the bound: the device cut the loop short.
+    if !done && rounds.left > 0 {
+        status::raise(report, FAULT_SEARCH_STEPS);
+    }
+    (Placed { output: best.output, pivot: best.pivot, ..*child }, best.value)
+}
