@@ -1,5 +1,7 @@
 //! The PRBVH iterations: search, lock, check, reinsert, refit, cost.
 
+mod passes;
+
 use super::descent::{Candidates, Descent};
 use super::dual::DualMoves;
 use super::moves::Moves;
@@ -8,12 +10,13 @@ use super::{IterationRow, MoveKind, Order, PrbvhSettings, StopReason, set_relati
 use crate::build::{DeviceTree, Scratch, arrivals_length, record_refit};
 use crate::bvh::SahModel;
 use crate::device::{Buffer, Device, DeviceError, Lease, Recording, Timing};
+use passes::Work;
 use prbvh_kernel::Kernel;
 use prbvh_kernel::cost::{COST_CHUNK, CostParams};
 use prbvh_kernel::prbvh::PrbvhParams;
-use prbvh_kernel::prbvh::decrease::{DECREASE_CHUNK, DecreaseParams};
+use prbvh_kernel::prbvh::decrease::DECREASE_CHUNK;
 use prbvh_kernel::snapshot::{NodeLinks, SnapshotParams};
-use prbvh_kernel::status::{APPLIED, CANDIDATES, FAULTS, FOUND, MOST_STEPS, OWNED, REPORT_WORDS};
+use prbvh_kernel::status::{APPLIED, FAULTS, FOUND, MOST_STEPS, OWNED, REPORT_WORDS};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -59,10 +62,6 @@ pub fn prbvh(
     Ok(Outcome { rows, stop, timings: working_set.timings, working_bytes })
 }
 
-/// In a descent a row follows after searches of at least this part of the nodes: the cost of the whole tree and a copy of its links take
-/// their time.
-const SEARCHES_OF_A_ROW: u32 = 16;
-
 #[derive(Debug)]
 struct WorkingSet<'a> {
     tree: &'a DeviceTree,
@@ -83,17 +82,6 @@ struct WorkingSet<'a> {
     device_s: f64,
     /// Nodes on the list of candidates.
     listed: u32,
-}
-
-/// What the passes of an iteration did.
-#[derive(Clone, Copy, Debug, Default)]
-struct Work {
-    mu: u32,
-    searched: u32,
-    /// Sum of the half areas of the internal nodes after it.
-    areas: f64,
-    /// Sum of the area decreases of all moves.
-    decreases: f64,
 }
 
 impl<'a> WorkingSet<'a> {
@@ -294,105 +282,6 @@ impl<'a> WorkingSet<'a> {
     fn record_full_refit(&mut self, recording: &mut Recording) {
         record_refit(recording, self.tree.references, &self.tree.nodes, &self.arrivals);
         self.arrived = 2;
-    }
-
-    fn params(&self, mu: u32, first: u32, floor: f32) -> PrbvhParams {
-        PrbvhParams { count: 0, mu, first, nodes: self.node_count, floor }
-    }
-
-    /// Makes passes of the descent until they searched enough to be worth a look at the cost, or to the end of the descent.
-    fn descend(&mut self, device: &mut dyn Device, descent: &mut Descent, root: f64) -> Result<Work, DeviceError> {
-        let mut work = Work::default();
-        let mut recording = Recording::new();
-        recording.clear("search", &self.report);
-        while let Some(pass) = descent.next() {
-            let floor = |part: f32| (f64::from(part) * root) as f32;
-            if let Some(part) = pass.list {
-                self.listed = self.list_candidates(device, std::mem::take(&mut recording), floor(part))?;
-            }
-            let params = PrbvhParams {
-                count: self.listed.saturating_sub(pass.first).div_ceil(pass.mu),
-                ..self.params(pass.mu, pass.first, floor(pass.floor))
-            };
-            if params.count == 0 {
-                continue;
-            }
-            work.mu = pass.mu;
-            let ends = descent.is_over() || (work.searched + params.count) >= self.node_count / SEARCHES_OF_A_ROW;
-            self.pass(device, std::mem::take(&mut recording), &params, true, ends, &mut work)?;
-            if ends {
-                break;
-            }
-        }
-        Ok(work)
-    }
-
-    /// Makes the list of all nodes that may gain more than `floor`; returns how many there are.
-    fn list_candidates(
-        &mut self,
-        device: &mut dyn Device,
-        mut recording: Recording,
-        floor: f32,
-    ) -> Result<u32, DeviceError> {
-        let Some(candidates) = &self.candidates else { return Ok(0) };
-        candidates.record(&mut recording, &self.tree.nodes, self.node_count, floor, &self.report);
-        self.submit(device, &recording)?;
-        Ok(self.read_report(device)?[CANDIDATES])
-    }
-
-    /// Searches, reinserts and refits; adds to `work`, with the areas of the internal nodes if `measures`.
-    fn pass(
-        &mut self,
-        device: &mut dyn Device,
-        mut recording: Recording,
-        params: &PrbvhParams,
-        of_list: bool,
-        measures: bool,
-        work: &mut Work,
-    ) -> Result<(), DeviceError> {
-        let count = params.count;
-        let nodes = &self.tree.nodes;
-        let (found, report) = (&self.moves.found, &self.report);
-        let list = self.candidates.as_ref().filter(|_| of_list).map(|candidates| &candidates.list);
-        self.moves.record(&mut recording, params, list, nodes, report);
-        let area_chunks = self.internal.div_ceil(COST_CHUNK);
-        let mut chunks = self.record_decreases(&mut recording, count, 0);
-        recording.dispatch("reinsert", Kernel::PrbvhReinsert, count, params, &[found, nodes, report]);
-        if self.arrived != 0 {
-            recording.clear("refit", &self.arrivals);
-            self.arrived = 0;
-        }
-        recording.dispatch("refit", Kernel::PrbvhMarkPaths, count, params, &[found, nodes, &self.arrivals]);
-        recording.dispatch("refit", Kernel::PrbvhRefitPaths, count, params, &[found, nodes, &self.arrivals]);
-        if let Some(dual) = self.dual.as_ref().filter(|_| !of_list) {
-            let params =
-                PrbvhParams { count: self.internal.saturating_sub(params.first).div_ceil(params.mu), ..*params };
-            dual.record(&mut recording, &params, &self.moves, nodes, report);
-            chunks += self.record_decreases(&mut recording, params.count, chunks);
-            dual.record_reinsert(&mut recording, &params, &self.moves, nodes, report);
-            record_refit(&mut recording, self.tree.references, nodes, &self.arrivals);
-            self.arrived = 2;
-        }
-        if measures {
-            self.record_area_sum(&mut recording, 0, self.internal);
-        }
-        self.submit(device, &recording)?;
-        let partial = self.read_partial(device, (area_chunks + chunks) as usize)?;
-        let (areas, decreases) = partial.split_at(area_chunks as usize);
-        if measures {
-            work.areas = sum(areas);
-        }
-        work.decreases += sum(decreases);
-        work.searched += count;
-        Ok(())
-    }
-
-    /// Sums what `found` reinsertions promise behind `before` other sums of that kind; returns how many sums it makes.
-    fn record_decreases(&self, recording: &mut Recording, found: u32, before: u32) -> u32 {
-        let count = found.div_ceil(DECREASE_CHUNK);
-        let sums = DecreaseParams { count, found, first: self.internal.div_ceil(COST_CHUNK) + before };
-        recording.dispatch("cost", Kernel::PrbvhDecrease, count, &sums, &[&self.moves.found, &self.partial]);
-        count
     }
 
     fn record_area_sum(&self, recording: &mut Recording, first: u32, nodes: u32) {
