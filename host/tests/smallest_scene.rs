@@ -24,9 +24,13 @@ const ORDERS: &[Order] = if cfg!(miri) {
     &[Order::Ascending, Order::Descending, Order::Shuffled(1), Order::Parallel]
 };
 
+/// Triangles of the combs: the kernel with a stack of 32, 64, 128 words, and with stacks in a buffer of 64 MiB, which is more than Miri can hold.
+const COMBS: &[usize] = if cfg!(miri) { &[7, 40, 80] } else { &[7, 40, 80, 140] };
+
 /// A CPU that notes which kernels it ran, and may do without 64-bit atomics.
 struct Noting {
     device: CpuDevice,
+    order: Order,
     info: DeviceInfo,
     ran: BTreeSet<&'static str>,
 }
@@ -35,7 +39,7 @@ impl Noting {
     fn new(order: Order, atomics_64: bool) -> Self {
         let device = CpuDevice::with_order(order, 2).unwrap();
         let info = DeviceInfo { atomics_64, ..device.info().clone() };
-        Self { device, info, ran: BTreeSet::new() }
+        Self { device, order, info, ran: BTreeSet::new() }
     }
 }
 
@@ -96,8 +100,12 @@ fn comb(triangles: &[Triangle]) -> Bvh {
     Bvh { nodes, triangle_order: (0..n).collect() }
 }
 
-/// Whether the method runs under Miri, which takes a minute for each: one of those with the same kernels.
-fn is_followed(name: &str, atomics_64: bool) -> bool {
+/// Whether the method runs under Miri, which takes a minute for each: one of those with the same kernels, and on two threads, which take it
+/// several, one with climbs and locks.
+fn is_followed(name: &str, order: Order, atomics_64: bool) -> bool {
+    if order == Order::Parallel {
+        return atomics_64 && name == "prbvh-9+adaptive";
+    }
     let locks = ["prbvh-9", "conservative-9"].contains(&name);
     locks
         || atomics_64
@@ -117,12 +125,13 @@ fn trees(device: &mut Noting) -> BTreeMap<String, String> {
     let scene = smallest();
     let mut hashes = BTreeMap::new();
     for method in methods().into_iter().chain([conservative_largest_first()]) {
-        if cfg!(miri) && !is_followed(method.name, device.info.atomics_64) {
+        if cfg!(miri) && !is_followed(method.name, device.order, device.info.atomics_64) {
             continue;
         }
         for morton_bits in [MortonBits::Sixty, MortonBits::Thirty] {
             let settings = Settings { morton_bits, ..method.settings.clone() };
             let made = optimize(&scene, device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+            println!("{}: {}, {morton_bits:?}", device.info.name, method.name);
             hashes.insert(format!("{}, {morton_bits:?}", method.name), tree_hash(&made.tree));
             if cfg!(miri) && method.name != "prbvh-9" {
                 break;
@@ -140,7 +149,7 @@ fn rays(device: &mut Noting) -> Vec<u32> {
     let settings = RenderSettings { width: 3, height: 2, samples: 1, bounces: 1, light_samples: 1 };
     let picture = render(device, &scene, &tree, &camera, &settings).unwrap();
     let mut found: Vec<u32> = picture.radiance.iter().flatten().map(|x| x.to_bits()).collect();
-    for n in [7, 40, 80, 140] {
+    for &n in COMBS {
         let triangles: Vec<Triangle> = (0..n).map(|k| at(2.0 * k as f32)).collect();
         let mut scene = TraceScene::new(device, &comb(&triangles), &triangles, 0.0).unwrap();
         let ray = |k: usize| {
@@ -171,7 +180,7 @@ fn every_kernel_runs_and_every_order_gives_the_same() {
             let mut device = Noting::new(order, atomics_64);
             let mut made = trees(&mut device);
             // Rays meet no locks.
-            if atomics_64 {
+            if atomics_64 && !(cfg!(miri) && order == Order::Parallel) {
                 made.insert("rays".to_owned(), format!("{:?}", rays(&mut device)));
             }
             assert_eq!(device.memory().bytes, 0);
@@ -184,5 +193,6 @@ fn every_kernel_runs_and_every_order_gives_the_same() {
     }
     let missing: Vec<&str> =
         Kernel::ALL.iter().map(|kernel| kernel.info().name).filter(|name| !ran.contains(name)).collect();
-    assert!(missing.is_empty(), "not run: {missing:?}");
+    let expected: &[&str] = if cfg!(miri) { &[Kernel::TraceDeep.info().name] } else { &[] };
+    assert_eq!(missing, expected, "not run");
 }

@@ -268,7 +268,7 @@ mod tests {
     #[test]
     fn an_unknown_name_is_refused_with_the_known_ones() {
         let error = methods(&["lbvh", "magic"]).unwrap_err().to_string();
-        for part in ["`magic`", "ploc, rbvh, prbvh, prbvh-dual, sah-sweep, sah-binned"] {
+        for part in ["`magic`", "ploc, rbvh, prbvh, prbvh-largest-first, prbvh-dual, sah-sweep, sah-binned"] {
             assert!(error.contains(part), "{error}");
         }
     }

@@ -8,7 +8,7 @@ mod choice;
 pub use choice::{BALANCED_ERROR, BEST_ERROR, ChoiceError, Choices, FAST_ERROR, Score, Trial, choose};
 
 use crate::build::{DEFAULT_RADIUS, TreeletSize};
-use crate::optimize::{Epsilon, Order, PrbvhSettings, RbvhSettings};
+use crate::optimize::{Epsilon, MoveKind, Order, PrbvhSettings, RbvhSettings};
 use crate::pipeline::{Initial, Optimizer, Settings};
 use std::fmt;
 
@@ -65,6 +65,10 @@ pub enum Then {
     Prbvh(u32, f64),
     /// The same with the largest reinsertions first.
     LargestFirst(u32, f64),
+    /// The published order with dual moves.
+    Dual(u32, f64),
+    /// The largest reinsertions first, then dual moves too.
+    LargestFirstDual(u32, f64),
     /// RBVH with undo, as it is by default.
     Rbvh,
 }
@@ -108,6 +112,10 @@ pub const CANDIDATES: &[Candidate] = &[
     tried(From::Atrbvh, Then::LargestFirst(9, 1e-2)),
     tried(From::Atrbvh, Then::LargestFirst(9, 1e-3)),
     tried(From::Atrbvh, Then::LargestFirst(9, 1e-4)),
+    tried(From::Atrbvh, Then::Dual(9, 1e-3)),
+    tried(From::Atrbvh, Then::Dual(9, 1e-4)),
+    tried(From::Atrbvh, Then::LargestFirstDual(9, 1e-3)),
+    tried(From::Atrbvh, Then::LargestFirstDual(9, 1e-4)),
     chosen(Preset::Best, From::Atrbvh, Then::Rbvh),
 ];
 
@@ -123,13 +131,20 @@ impl Candidate {
         let (optimizer, prbvh) = match self.then {
             Then::Nothing => (Optimizer::None, PrbvhSettings::default()),
             Then::Rbvh => (Optimizer::Rbvh(RbvhSettings::default()), PrbvhSettings::default()),
-            Then::Prbvh(mu, epsilon) | Then::LargestFirst(mu, epsilon) => {
+            Then::Prbvh(mu, epsilon)
+            | Then::LargestFirst(mu, epsilon)
+            | Then::Dual(mu, epsilon)
+            | Then::LargestFirstDual(mu, epsilon) => {
                 let epsilon = Epsilon::Relative(epsilon);
                 let order = match self.then {
-                    Then::LargestFirst(..) => Order::LargestFirst,
+                    Then::LargestFirst(..) | Then::LargestFirstDual(..) => Order::LargestFirst,
                     _ => Order::Interleaved,
                 };
-                (Optimizer::Prbvh, PrbvhSettings { order, mu, epsilon, ..PrbvhSettings::default() })
+                let moves = match self.then {
+                    Then::Dual(..) | Then::LargestFirstDual(..) => MoveKind::Dual,
+                    _ => MoveKind::Single,
+                };
+                (Optimizer::Prbvh, PrbvhSettings { order, moves, mu, epsilon, ..PrbvhSettings::default() })
             }
         };
         Settings { initial, optimizer, prbvh, ..Settings::default() }
@@ -144,6 +159,8 @@ impl fmt::Display for Candidate {
             Then::Nothing => Ok(()),
             Then::Prbvh(mu, epsilon) => write!(f, ", prbvh µ={mu} ε={epsilon}"),
             Then::LargestFirst(mu, epsilon) => write!(f, ", prbvh largest first µ={mu} ε={epsilon}"),
+            Then::Dual(mu, epsilon) => write!(f, ", prbvh dual µ={mu} ε={epsilon}"),
+            Then::LargestFirstDual(mu, epsilon) => write!(f, ", prbvh largest first dual µ={mu} ε={epsilon}"),
             Then::Rbvh => f.write_str(", rbvh undo"),
         }
     }

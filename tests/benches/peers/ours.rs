@@ -3,7 +3,7 @@
 use prbvh::build::{self, CodeCensus, DEFAULT_RADIUS, DeviceTree, MortonBits, TreeletSize};
 use prbvh::bvh::summary;
 use prbvh::device::{Device, DeviceError, on_host};
-use prbvh::optimize::{Epsilon, Order, PrbvhSettings, RbvhSettings, StopReason, prbvh, rbvh};
+use prbvh::optimize::{Epsilon, MoveKind, Order, PrbvhSettings, RbvhSettings, StopReason, prbvh, rbvh};
 use prbvh::pipeline::{Initial, Optimizer};
 use prbvh::scene::{SafeRange, Scene};
 use prbvh_kernel::node::Node;
@@ -73,7 +73,17 @@ fn schedules() -> Vec<Configuration> {
         let settings = PrbvhSettings { order: Order::LargestFirst, ..settings };
         (format!("prbvh largest first µ={mu} ε={epsilon}"), settings)
     };
-    let tried = [largest_first(9, 1e-4), paper(9, 1e-4), paper(4, 1e-4), paper(1, 1e-4)];
+    let dual = |(name, settings): (String, PrbvhSettings)| {
+        (format!("{name} dual"), PrbvhSettings { moves: MoveKind::Dual, ..settings })
+    };
+    let tried = [
+        largest_first(9, 1e-4),
+        paper(9, 1e-4),
+        paper(4, 1e-4),
+        paper(1, 1e-4),
+        dual(paper(9, 1e-4)),
+        dual(largest_first(9, 1e-4)),
+    ];
     let configuration = |(name, prbvh)| Configuration {
         name,
         family: Family::Prbvh,

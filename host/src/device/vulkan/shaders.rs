@@ -149,7 +149,12 @@ mod tests {
         for &kernel in Kernel::ALL {
             let is_of_one_word = matches!(
                 kernel,
-                Kernel::PrbvhLock | Kernel::PrbvhCheck | Kernel::ConservativeLock | Kernel::ConservativeCheck
+                Kernel::PrbvhLock
+                    | Kernel::PrbvhCheck
+                    | Kernel::ConservativeLock
+                    | Kernel::ConservativeCheck
+                    | Kernel::DualLock
+                    | Kernel::DualCheck
             );
             assert_eq!(needs_atomics_64(&words(kernel)), is_of_one_word, "{kernel:?}");
         }
