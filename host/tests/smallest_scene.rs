@@ -106,7 +106,7 @@ fn is_followed(name: &str, order: Order, atomics_64: bool) -> bool {
     if order == Order::Parallel {
         return atomics_64 && name == "prbvh-9+adaptive";
     }
-    let locks = ["prbvh-9", "conservative-9"].contains(&name);
+    let locks = ["prbvh-9", "conservative-9", "dual-9"].contains(&name);
     locks
         || atomics_64
             && ["largest-first-9", "conservative-largest-first-9", "atrbvh", "ploc", "prbvh-9+adaptive"].contains(&name)

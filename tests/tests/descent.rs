@@ -181,3 +181,18 @@ fn most_of_the_gain_comes_first() {
     });
     assert!(gains[0] > 1.2 * gains[1], "{gains:?}");
 }
+
+/// The last levels may have no candidates: then the cost after those before them is what counts.
+#[test]
+fn a_descent_that_runs_out_of_candidates_knows_its_cost() {
+    let mut triangles = soup(60, 0.2, 4);
+    triangles.push(Triangle { a: [-1e6, -1e6, 0.0], b: [1e6, -1e6, 0.0], c: [0.0, 1e6, 1e6] });
+    let scene = Scene::from_triangles("huge and tiny", triangles).unwrap();
+    with_devices(|devices| {
+        for (name, device) in devices {
+            let result = run(&scene, Strategy::Aggressive, &mut **device);
+            let cost = result.quality.sah_cost;
+            assert!((result.outcome.best().cost / cost - 1.0).abs() < 1e-5, "{name}: {cost}");
+        }
+    });
+}

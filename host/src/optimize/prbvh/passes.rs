@@ -56,8 +56,12 @@ impl WorkingSet<'_> {
             let ends = descent.is_over() || (work.searched + params.count) >= self.node_count / SEARCHES_OF_A_ROW;
             self.pass(device, std::mem::take(&mut recording), &params, true, ends, &mut work)?;
             if ends {
-                break;
+                return Ok(work);
             }
+        }
+        // The last passes had no candidates.
+        if work.searched > 0 {
+            work.areas = self.area_sum(device, 0, self.internal)?;
         }
         Ok(work)
     }
