@@ -14,6 +14,7 @@ mod sweep;
 mod top_down;
 mod treelet;
 
+#[cfg(feature = "atrbvh")]
 pub use atrbvh::{Pass, Restructured, atrbvh, restructure};
 pub use binned::sah_binned;
 pub use codes::{CodeCensus, Codes, MOST_COMPARED};
@@ -21,7 +22,6 @@ pub use from_file::{TreeOfFileError, from_file};
 pub use lbvh::lbvh;
 pub use order::MortonBits;
 pub use ploc::{DEFAULT_RADIUS, ploc};
-#[cfg(feature = "atrbvh")]
 pub(crate) use scan::Scanner;
 pub use sweep::sah_sweep;
 pub use treelet::{TreeletSize, TreeletSizeError};

@@ -21,7 +21,7 @@ pub enum Order {
     /// All in turn, as published (§4.4.2).
     #[default]
     Interleaved,
-    /// Those that may gain most, and then ever more of them ([`descent`](super::descent)); all in turn at the end.
+    /// Those that may gain most, and then ever more of them: a floor under the decrease comes down. All in turn at the end.
     LargestFirst,
 }
 

@@ -34,6 +34,7 @@ pub(super) struct Taken {
 
 /// Kernels of a prefix sum and of a sort.
 const SCAN: [Kernel; 3] = [Kernel::ScanSums, Kernel::ScanSpine, Kernel::ScanApply];
+#[cfg(feature = "atrbvh")]
 const SORT: [Kernel; 2] = [Kernel::SortCount, Kernel::SortScatter];
 /// Kernels of stages that go on by what they read back, and nothing is to be read here.
 const ROUNDS: [Kernel; 3] = [Kernel::PlocNearest, Kernel::PlocMark, Kernel::PlocMerge];
