@@ -163,7 +163,9 @@ fn check_paths(params: &PrbvhParams, found: &[Reinsertion], nodes: &[Node], expe
     assert!(result.get::<u32>("ways").iter().all(|&ways| ways == 0));
     // Nobody passes a node that no move is below.
     assert!(ways.iter().filter(|&&ways| ways > 0).count() <= internal);
-    assert_eq!(ways.iter().any(|&ways| ways > 0), found.iter().any(|found| found.output != NO_NODE));
+    // A buffer has an element where there is no input.
+    let moves = found.iter().take(params.count as usize).any(|found| found.output != NO_NODE);
+    assert_eq!(ways.iter().any(|&ways| ways > 0), moves);
 }
 
 #[test]
