@@ -1,13 +1,14 @@
 //! Largest reinsertions first: candidates and floors against plain searches, refits of paths, and the whole descent on every device.
 
+use prbvh::build::DeviceTree;
 use prbvh::bvh::{Bvh, tree_hash, validate};
 use prbvh::device::Device;
-use prbvh::optimize::{Limits, Order, PrbvhSettings, StopReason, Strategy};
+use prbvh::optimize::{Limits, Order, PrbvhSettings, StopReason, Strategy, prbvh};
 use prbvh::pipeline::{Optimized, Optimizer, Settings, optimize};
 use prbvh::scene::Scene;
 use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
-use prbvh_kernel::node::{NO_NODE, Node, ROOT};
+use prbvh_kernel::node::{NO_NODE, Node, RIGHT, ROOT};
 use prbvh_kernel::prbvh::candidates::largest_decrease;
 use prbvh_kernel::prbvh::{PrbvhParams, Reinsertion};
 use prbvh_kernel::setup::Triangle;
@@ -129,7 +130,7 @@ fn a_loop_is_never_refitted() {
     let right = tree.children[v as usize][1];
     nodes[v as usize].down = parent;
     nodes[parent as usize].up = right;
-    nodes[right as usize].up = v | prbvh_kernel::node::RIGHT;
+    nodes[right as usize].up = v | RIGHT;
     let found = [Reinsertion { area_decrease: 1.0, input: right, output: parent }];
     let params = PrbvhParams { count: 1, ..params(nodes.len(), 0.0) };
     let case = Case::new(Kernel::PrbvhMarkPaths, 1, &params).with(&found).with(&nodes).zeros(19);
@@ -193,6 +194,28 @@ fn a_descent_that_runs_out_of_candidates_knows_its_cost() {
             let result = run(&scene, Strategy::Aggressive, &mut **device);
             let cost = result.quality.sah_cost;
             assert!((result.outcome.best().cost / cost - 1.0).abs() < 1e-5, "{name}: {cost}");
+        }
+    });
+}
+
+/// No iteration ran, so there is no best tree to go back to: what came in stays.
+#[test]
+fn a_broken_initial_tree_is_a_fault_and_stays_as_it_is() {
+    let mut nodes = tree_of(&soup(20, 0.2, 1), 1).encode();
+    // The way up leads past a node, which waits for both of its children.
+    let right =
+        nodes.iter().position(|node| !node.is_left() && node.up != NO_NODE && node.parent_of_right() != ROOT).unwrap();
+    nodes[right].up = ROOT | RIGHT;
+    with_devices(|devices| {
+        for (name, device) in devices {
+            let device = &mut **device;
+            let tree = DeviceTree::upload(device, &nodes).unwrap();
+            let outcome = prbvh(device, &tree, &PrbvhSettings::default(), &mut |_, _, _| ControlFlow::Continue(()));
+            assert!(matches!(outcome.unwrap().stop, StopReason::Fault(_)), "{name}");
+            let after = tree.download(device).unwrap();
+            let links = |nodes: &[Node]| nodes.iter().map(|node| (node.up, node.down)).collect::<Vec<_>>();
+            assert_eq!(links(&after), links(&nodes), "{name}");
+            tree.free(device);
         }
     });
 }

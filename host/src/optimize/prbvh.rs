@@ -182,15 +182,15 @@ impl<'a> WorkingSet<'a> {
             if let Some(stop) = schedule.limit(done, start.elapsed()) {
                 break stop;
             }
+            let mut recording = Recording::new();
             if is_best {
-                let mut recording = Recording::new();
                 self.record_save(&mut recording);
-                self.submit(device, &recording)?;
             }
+            recording.clear("search", &self.report);
             let mut work = Work::default();
             if !descent.is_over() {
                 descended = done + 1;
-                work = self.descend(device, &mut descent, root)?;
+                work = self.descend(device, &mut recording, &mut descent, root)?;
             }
             if work.searched == 0 {
                 descended = descended.min(done);
@@ -201,8 +201,6 @@ impl<'a> WorkingSet<'a> {
                     ..self.params(mu, first, 0.0)
                 };
                 work.mu = mu;
-                let mut recording = Recording::new();
-                recording.clear("search", &self.report);
                 self.pass(device, recording, &params, false, true, &mut work)?;
             }
             let report = self.read_report(device)?;
@@ -233,7 +231,9 @@ impl<'a> WorkingSet<'a> {
                 ..IterationRow::default()
             });
         };
-        let stop = self.settle(device, is_best)?.map_or(stop, StopReason::Fault);
+        // Without an iteration the tree is as it was, and none is kept.
+        let faults = if rows.len() > 1 { self.settle(device, is_best)? } else { None };
+        let stop = faults.map_or(stop, StopReason::Fault);
         set_relative_errors(&mut rows);
         Ok((rows, stop))
     }

@@ -30,20 +30,20 @@ impl WorkingSet<'_> {
         PrbvhParams { count: 0, mu, first, nodes: self.node_count, floor }
     }
 
-    /// Makes passes of the descent until they searched enough to be worth a look at the cost, or to the end of the descent.
+    /// Makes passes of the descent until they searched enough to be worth a look at the cost, or to the end of the descent. What is recorded
+    /// already runs before the first of them; without one it stays recorded.
     pub(super) fn descend(
         &mut self,
         device: &mut dyn Device,
+        recording: &mut Recording,
         descent: &mut Descent,
         root: f64,
     ) -> Result<Work, DeviceError> {
         let mut work = Work::default();
-        let mut recording = Recording::new();
-        recording.clear("search", &self.report);
         while let Some(pass) = descent.next() {
             let floor = |part: f32| (f64::from(part) * root) as f32;
             if let Some(part) = pass.list {
-                self.listed = self.list_candidates(device, std::mem::take(&mut recording), floor(part))?;
+                self.listed = self.list_candidates(device, std::mem::take(recording), floor(part))?;
             }
             let params = PrbvhParams {
                 count: self.listed.saturating_sub(pass.first).div_ceil(pass.mu),
@@ -54,7 +54,7 @@ impl WorkingSet<'_> {
             }
             work.mu = pass.mu;
             let ends = descent.is_over() || (work.searched + params.count) >= self.node_count / SEARCHES_OF_A_ROW;
-            self.pass(device, std::mem::take(&mut recording), &params, true, ends, &mut work)?;
+            self.pass(device, std::mem::take(recording), &params, true, ends, &mut work)?;
             if ends {
                 return Ok(work);
             }
@@ -67,7 +67,7 @@ impl WorkingSet<'_> {
     }
 
     /// Makes the list of all nodes that may gain more than `floor`; returns how many there are.
-    pub(super) fn list_candidates(
+    fn list_candidates(
         &mut self,
         device: &mut dyn Device,
         mut recording: Recording,
