@@ -61,16 +61,36 @@ pub enum From {
 pub enum Then {
     /// None.
     Nothing,
-    /// PRBVH: first µ, and ε as a part of the initial cost.
-    Prbvh(u32, f64),
-    /// The same with the largest reinsertions first.
-    LargestFirst(u32, f64),
-    /// The published order with dual moves.
-    Dual(u32, f64),
-    /// The largest reinsertions first, then dual moves too.
-    LargestFirstDual(u32, f64),
+    /// PRBVH.
+    Prbvh {
+        /// Which nodes are searched first.
+        order: Order,
+        /// What an iteration moves.
+        moves: MoveKind,
+        /// First µ.
+        mu: u32,
+        /// ε as a part of the initial cost.
+        epsilon: f64,
+    },
     /// RBVH with undo, as it is by default.
     Rbvh,
+}
+
+impl Then {
+    /// PRBVH as published: first µ and ε.
+    const fn prbvh(mu: u32, epsilon: f64) -> Self {
+        Self::Prbvh { order: Order::Interleaved, moves: MoveKind::Single, mu, epsilon }
+    }
+
+    /// The largest reinsertions first.
+    const fn largest_first(mu: u32, epsilon: f64) -> Self {
+        Self::Prbvh { order: Order::LargestFirst, moves: MoveKind::Single, mu, epsilon }
+    }
+
+    /// With dual moves.
+    const fn dual(order: Order, mu: u32, epsilon: f64) -> Self {
+        Self::Prbvh { order, moves: MoveKind::Dual, mu, epsilon }
+    }
 }
 
 /// Settings that were tried.
@@ -97,25 +117,25 @@ pub const CANDIDATES: &[Candidate] = &[
     tried(From::Lbvh, Then::Nothing),
     tried(From::Ploc, Then::Nothing),
     chosen(Preset::Fast, From::Atrbvh, Then::Nothing),
-    tried(From::Lbvh, Then::Prbvh(9, 1e-2)),
-    tried(From::Lbvh, Then::Prbvh(9, 1e-3)),
-    tried(From::Lbvh, Then::Prbvh(9, 1e-4)),
-    tried(From::Ploc, Then::Prbvh(9, 1e-2)),
-    tried(From::Ploc, Then::Prbvh(9, 1e-3)),
-    tried(From::Ploc, Then::Prbvh(9, 1e-4)),
-    tried(From::Ploc, Then::Prbvh(1, 1e-5)),
-    chosen(Preset::Balanced, From::Atrbvh, Then::Prbvh(9, 1e-3)),
-    tried(From::Atrbvh, Then::Prbvh(9, 1e-4)),
-    tried(From::Atrbvh, Then::Prbvh(1, 1e-5)),
-    tried(From::Lbvh, Then::LargestFirst(9, 1e-3)),
-    tried(From::Ploc, Then::LargestFirst(9, 1e-3)),
-    tried(From::Atrbvh, Then::LargestFirst(9, 1e-2)),
-    tried(From::Atrbvh, Then::LargestFirst(9, 1e-3)),
-    tried(From::Atrbvh, Then::LargestFirst(9, 1e-4)),
-    tried(From::Atrbvh, Then::Dual(9, 1e-3)),
-    tried(From::Atrbvh, Then::Dual(9, 1e-4)),
-    tried(From::Atrbvh, Then::LargestFirstDual(9, 1e-3)),
-    tried(From::Atrbvh, Then::LargestFirstDual(9, 1e-4)),
+    tried(From::Lbvh, Then::prbvh(9, 1e-2)),
+    tried(From::Lbvh, Then::prbvh(9, 1e-3)),
+    tried(From::Lbvh, Then::prbvh(9, 1e-4)),
+    tried(From::Ploc, Then::prbvh(9, 1e-2)),
+    tried(From::Ploc, Then::prbvh(9, 1e-3)),
+    tried(From::Ploc, Then::prbvh(9, 1e-4)),
+    tried(From::Ploc, Then::prbvh(1, 1e-5)),
+    chosen(Preset::Balanced, From::Atrbvh, Then::prbvh(9, 1e-3)),
+    tried(From::Atrbvh, Then::prbvh(9, 1e-4)),
+    tried(From::Atrbvh, Then::prbvh(1, 1e-5)),
+    tried(From::Lbvh, Then::largest_first(9, 1e-3)),
+    tried(From::Ploc, Then::largest_first(9, 1e-3)),
+    tried(From::Atrbvh, Then::largest_first(9, 1e-2)),
+    tried(From::Atrbvh, Then::largest_first(9, 1e-3)),
+    tried(From::Atrbvh, Then::largest_first(9, 1e-4)),
+    tried(From::Atrbvh, Then::dual(Order::Interleaved, 9, 1e-3)),
+    tried(From::Atrbvh, Then::dual(Order::Interleaved, 9, 1e-4)),
+    tried(From::Atrbvh, Then::dual(Order::LargestFirst, 9, 1e-3)),
+    tried(From::Atrbvh, Then::dual(Order::LargestFirst, 9, 1e-4)),
     chosen(Preset::Best, From::Atrbvh, Then::Rbvh),
 ];
 
@@ -131,19 +151,8 @@ impl Candidate {
         let (optimizer, prbvh) = match self.then {
             Then::Nothing => (Optimizer::None, PrbvhSettings::default()),
             Then::Rbvh => (Optimizer::Rbvh(RbvhSettings::default()), PrbvhSettings::default()),
-            Then::Prbvh(mu, epsilon)
-            | Then::LargestFirst(mu, epsilon)
-            | Then::Dual(mu, epsilon)
-            | Then::LargestFirstDual(mu, epsilon) => {
+            Then::Prbvh { order, moves, mu, epsilon } => {
                 let epsilon = Epsilon::Relative(epsilon);
-                let order = match self.then {
-                    Then::LargestFirst(..) | Then::LargestFirstDual(..) => Order::LargestFirst,
-                    _ => Order::Interleaved,
-                };
-                let moves = match self.then {
-                    Then::Dual(..) | Then::LargestFirstDual(..) => MoveKind::Dual,
-                    _ => MoveKind::Single,
-                };
                 (Optimizer::Prbvh, PrbvhSettings { order, moves, mu, epsilon, ..PrbvhSettings::default() })
             }
         };
@@ -157,10 +166,11 @@ impl fmt::Display for Candidate {
         write!(f, "{}", self.settings().initial)?;
         match self.then {
             Then::Nothing => Ok(()),
-            Then::Prbvh(mu, epsilon) => write!(f, ", prbvh µ={mu} ε={epsilon}"),
-            Then::LargestFirst(mu, epsilon) => write!(f, ", prbvh largest first µ={mu} ε={epsilon}"),
-            Then::Dual(mu, epsilon) => write!(f, ", prbvh dual µ={mu} ε={epsilon}"),
-            Then::LargestFirstDual(mu, epsilon) => write!(f, ", prbvh largest first dual µ={mu} ε={epsilon}"),
+            Then::Prbvh { order, moves, mu, epsilon } => {
+                let order = if order == Order::LargestFirst { " largest first" } else { "" };
+                let moves = if moves == MoveKind::Dual { " dual" } else { "" };
+                write!(f, ", prbvh{order}{moves} µ={mu} ε={epsilon}")
+            }
             Then::Rbvh => f.write_str(", rbvh undo"),
         }
     }
@@ -182,7 +192,7 @@ mod tests {
 
     #[test]
     fn settings_are_what_the_row_says() {
-        let candidate = tried(From::Ploc, Then::Prbvh(4, 0.25));
+        let candidate = tried(From::Ploc, Then::prbvh(4, 0.25));
         assert_eq!(candidate.to_string(), "ploc, prbvh µ=4 ε=0.25");
         let settings = candidate.settings();
         assert_eq!(settings.initial, Initial::Ploc { radius: DEFAULT_RADIUS });
