@@ -1,6 +1,6 @@
 //! Buffers: aligned to cache lines, and borrow-checked while a dispatch runs.
 
-use bytemuck::{Pod, Zeroable};
+use bytemuck::allocation::try_zeroed_slice_box;
 use std::cell::{Ref, RefCell, RefMut};
 
 /// Number of a buffer.
@@ -15,25 +15,31 @@ pub struct AllocationRefused {
     pub bytes: usize,
 }
 
-/// A cache line, so that a 32-byte node never lies in two.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C, align(64))]
-struct Line([u8; 64]);
+/// Buffers begin at a cache line, so that a 32-byte node never lies in two.
+const LINE: usize = 64;
 
 #[derive(Debug)]
 struct Buffer {
-    lines: Vec<Line>,
+    // Words, not lines: of plainly aligned memory the system gives zeros without writing them.
+    words: Box<[u64]>,
+    start: usize,
     bytes: usize,
 }
 
 impl Buffer {
+    fn zeroed(bytes: usize) -> Option<Self> {
+        let count = bytes.div_ceil(size_of::<u64>()) + LINE / size_of::<u64>();
+        let words = try_zeroed_slice_box::<u64>(count).ok()?;
+        let start = words.as_ptr().cast::<u8>().align_offset(LINE);
+        Some(Self { words, start, bytes })
+    }
+
     fn bytes(&self) -> &[u8] {
-        &bytemuck::cast_slice(&self.lines)[..self.bytes]
+        &bytemuck::cast_slice(&self.words)[self.start..][..self.bytes]
     }
 
     fn bytes_mut(&mut self) -> &mut [u8] {
-        let bytes = self.bytes;
-        &mut bytemuck::cast_slice_mut(&mut self.lines)[..bytes]
+        &mut bytemuck::cast_slice_mut(&mut self.words)[self.start..][..self.bytes]
     }
 }
 
@@ -44,11 +50,7 @@ pub(crate) struct Arena {
 
 impl Arena {
     pub(crate) fn allocate(&mut self, bytes: usize) -> Result<BufferId, AllocationRefused> {
-        let count = bytes.div_ceil(size_of::<Line>());
-        let mut lines = Vec::new();
-        lines.try_reserve_exact(count).map_err(|_| AllocationRefused { bytes })?;
-        lines.resize(count, Line::zeroed());
-        let buffer = RefCell::new(Some(Buffer { lines, bytes }));
+        let buffer = RefCell::new(Some(Buffer::zeroed(bytes).ok_or(AllocationRefused { bytes })?));
         let free = self.buffers.iter().position(|slot| slot.borrow().is_none());
         let id = free.unwrap_or(self.buffers.len());
         if free.is_some() {

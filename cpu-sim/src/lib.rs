@@ -14,13 +14,18 @@ use arena::Arena;
 use dispatch::Executor;
 use prbvh_kernel::native::Bytes;
 use prbvh_kernel::{Access, Kernel};
+use rayon::prelude::*;
 use std::cell::{Ref, RefMut};
+use std::sync::Arc;
+
+/// Bytes that a thread clears before it looks for company.
+const CLEARED_AT_ONCE: usize = 1 << 18;
 
 /// A CPU that runs kernels.
 #[derive(Debug)]
 pub struct CpuSim {
     arena: Arena,
-    executor: Executor,
+    executor: Arc<Executor>,
 }
 
 /// The threads could not be started.
@@ -41,7 +46,7 @@ impl CpuSim {
     /// If the system refuses the threads.
     pub fn new(order: Order, threads: usize) -> Result<Self, ThreadsRefused> {
         let executor = Executor::new(order, threads).map_err(|source| ThreadsRefused { threads, source })?;
-        Ok(Self { arena: Arena::default(), executor })
+        Ok(Self { arena: Arena::default(), executor: Arc::new(executor) })
     }
 
     /// Threads that dispatches use.
@@ -53,6 +58,12 @@ impl CpuSim {
     /// Runs work that uses rayon with the threads of the dispatches; with those of the current pool, if dispatches run on one.
     pub fn install<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
         self.executor.install(work)
+    }
+
+    /// Runs work that dispatches on a thread of the dispatches, so that none of them is handed over from outside.
+    pub fn within<T: Send>(&mut self, work: impl FnOnce(&mut Self) -> T + Send) -> T {
+        let executor = Arc::clone(&self.executor);
+        executor.install(|| work(self))
     }
 
     /// A zeroed buffer.
@@ -86,6 +97,16 @@ impl CpuSim {
         self.arena.write(buffer, "write")
     }
 
+    /// Sets every byte of a buffer to 0.
+    ///
+    /// # Panics
+    /// If there is no such buffer.
+    pub fn clear(&mut self, buffer: BufferId) {
+        let mut guard = self.arena.write(buffer, "clear");
+        let bytes: &mut [u8] = &mut guard;
+        self.executor.install(|| bytes.par_chunks_mut(CLEARED_AT_ONCE).for_each(|chunk| chunk.fill(0)));
+    }
+
     /// Runs `count` invocations of a kernel, with `buffers` in the order of its bindings.
     ///
     /// # Panics
@@ -113,6 +134,6 @@ impl CpuSim {
                 Guard::Write(bytes) => Bytes::Write(bytes),
             })
             .collect();
-        kernel.run(&self.executor, count, push, views);
+        kernel.run(&*self.executor, count, push, views);
     }
 }

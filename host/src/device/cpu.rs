@@ -80,21 +80,21 @@ impl Device for CpuDevice {
     }
 
     fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
-        let timed = |(label, command): &(&'static str, Command)| {
+        let timed = |sim: &mut CpuSim, (label, command): &(&'static str, Command)| {
             let start = Instant::now();
             match command {
                 Command::Dispatch(dispatch) => {
                     let buffers: Vec<BufferId> = dispatch.buffers.iter().map(id).collect();
-                    self.sim.dispatch(dispatch.kernel, dispatch.count, &dispatch.push, &buffers);
+                    sim.dispatch(dispatch.kernel, dispatch.count, &dispatch.push, &buffers);
                 }
-                Command::Clear(buffer) => self.sim.bytes_mut(id(buffer)).fill(0),
+                Command::Clear(buffer) => sim.clear(id(buffer)),
                 Command::Copy { from, to } => {
-                    self.sim.bytes_mut(id(to)).copy_from_slice(&self.sim.bytes(id(from)));
+                    sim.bytes_mut(id(to)).copy_from_slice(&sim.bytes(id(from)));
                 }
             }
             Timing { label, seconds: start.elapsed().as_secs_f64() }
         };
-        Ok(recording.commands().iter().map(timed).collect())
+        Ok(self.sim.within(|sim| recording.commands().iter().map(|command| timed(sim, command)).collect()))
     }
 
     fn memory(&self) -> MemoryUse {
