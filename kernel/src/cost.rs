@@ -24,11 +24,13 @@ pub struct CostParams {
     pub nodes: u32,
     /// Internal nodes of the tree, `n-1`.
     pub internal: u32,
+    /// Where the sums begin in `partial`.
+    pub to: u32,
     /// What the refit leaves in every element of `arrivals`: 2 after one of all boxes, 0 after one of the paths that changed.
     pub arrived: u32,
 }
 
-/// Invocation `i` adds up the half areas of 256 nodes into `partial[i]`. Reads `nodes[2n-1]` and `arrivals[n-1]` as the
+/// Invocation `i` adds up the half areas of 256 nodes into `partial[to + i]`. Reads `nodes[2n-1]` and `arrivals[n-1]` as the
 /// refit left it: an internal node that was not completed raises [`FAULT_BROKEN_TREE`] in `report`.
 #[inline(always)]
 pub fn cost(
@@ -50,7 +52,7 @@ pub fn cost(
             broken = true;
         }
     }
-    partial[i as usize].set(sum);
+    partial[(params.to + i) as usize].set(sum);
     if broken {
         status::raise(report, FAULT_BROKEN_TREE);
     }

@@ -182,8 +182,12 @@ kernels! {
     ] => |i| candidates::flag(i, params, nodes, flags);
 
     PrbvhPack prbvh_pack(params: PrbvhParams) [
-        0 places: &[u32], 1 candidates: &[Slot<u32>], 2 report: &[AtomicU32],
-    ] => |i| candidates::pack(i, params, places, candidates, report);
+        0 places: &[u32], 1 nodes: &[Node], 2 candidates: &[Slot<u32>], 3 report: &[AtomicU32],
+    ] => |i| candidates::pack(i, params, places, nodes, candidates, report);
+
+    PrbvhStrike prbvh_strike(params: PrbvhParams) [
+        0 found: &[Reinsertion], 1 candidates: &[Slot<u32>],
+    ] => |i| candidates::strike(i, params, found, candidates);
 
     PrbvhLock prbvh_lock(params: PrbvhParams) [
         0 nodes: &[Node], 1 found: &[Reinsertion], 2 locks: &[AtomicU64],

@@ -37,9 +37,10 @@ fn search(nodes: &[Node], floor: f32) -> Vec<Reinsertion> {
 
 /// The list that the kernels make.
 fn candidates(nodes: &[Node], floor: f32) -> Vec<u32> {
-    let flagged = PrbvhParams { count: nodes.len() as u32 + 1, ..params(nodes.len(), floor) };
+    let internal = nodes.len() / 2;
+    let flagged = PrbvhParams { count: internal as u32 + 1, ..params(nodes.len(), floor) };
     let case = Case::new(Kernel::PrbvhFlag, flagged.count, &flagged).with(nodes);
-    let flags: Vec<u32> = case.zeros(nodes.len() + 1).run_everywhere().get("flags");
+    let flags: Vec<u32> = case.zeros(internal + 1).run_everywhere().get("flags");
     assert_eq!(flags.last(), Some(&0));
     let mut sum = 0;
     let mut places = Vec::new();
@@ -47,23 +48,55 @@ fn candidates(nodes: &[Node], floor: f32) -> Vec<u32> {
         places.push(sum);
         sum += flag;
     }
-    let case = Case::new(Kernel::PrbvhPack, nodes.len() as u32, &params(nodes.len(), floor)).with(&places);
-    let packed = case.zeros(nodes.len()).zeros(REPORT).run_everywhere();
+    let packed = PrbvhParams { count: internal as u32, ..flagged };
+    let case = Case::new(Kernel::PrbvhPack, packed.count, &packed).with(&places).with(nodes);
+    let packed = case.zeros((2 * internal).max(1)).zeros(REPORT).run_everywhere();
     let count = packed.get::<u32>("report")[CANDIDATES];
-    assert_eq!(count, sum);
+    assert_eq!(count, 2 * sum);
     packed.get::<u32>("candidates")[..count as usize].to_vec()
 }
 
 #[test]
-fn the_list_has_the_nodes_that_may_gain_more_than_the_floor_in_order() {
+fn the_list_has_the_children_of_large_nodes_in_order() {
     for n in [1, 2, 3, 40, 700] {
-        let nodes = tree_of(&soup(n, 0.2, n as u64), 7).encode();
+        let tree = tree_of(&soup(n, 0.2, n as u64), 7);
+        let nodes = tree.encode();
         for floor in [0.0, 1e-3, 1e-1, 1e9] {
+            let is_large = |p: &usize| 4.0 * nodes[*p].aabb().half_area() > floor;
             let expected: Vec<u32> =
-                (ROOT + 1..nodes.len() as u32).filter(|&input| largest_decrease(input, &nodes) > floor).collect();
+                (0..nodes.len() / 2).filter(is_large).flat_map(|p| tree.children[p].iter().copied()).collect();
             assert_eq!(candidates(&nodes, floor), expected, "{n} triangles, floor {floor}");
         }
     }
+}
+
+/// What a second try starts from.
+#[test]
+fn who_finds_nothing_is_struck_off_the_list() {
+    let nodes = tree_of(&soup(300, 0.2, 3), 5).encode();
+    let found = search(&nodes, 0.0);
+    let list: Vec<u32> = (1..nodes.len() as u32).rev().collect();
+    for (mu, first) in [(1, 0), (3, 2)] {
+        let count = (list.len() as u32 - first).div_ceil(mu);
+        let params = PrbvhParams { count, mu, first, ..params(nodes.len(), 0.0) };
+        let found: Vec<Reinsertion> = (0..count).map(|i| found[list[params.input(i) as usize] as usize]).collect();
+        let case = Case::new(Kernel::PrbvhStrike, count, &params).with(&found).with(&list);
+        let left: Vec<u32> = case.run_everywhere().get("candidates");
+        let mut expected = list.clone();
+        for (i, found) in found.iter().enumerate() {
+            if found.output == NO_NODE {
+                expected[params.input(i as u32) as usize] = NO_NODE;
+            }
+        }
+        assert!(expected != list && expected.iter().any(|&input| input != NO_NODE));
+        assert_eq!(left, expected);
+    }
+    // A struck one is searched no more.
+    let none = [NO_NODE; 3];
+    let params = PrbvhParams { count: 3, ..params(nodes.len(), 0.0) };
+    let case = Case::new(Kernel::PrbvhSearchCandidates, 3, &params).with(&nodes).with(&none);
+    let result = case.zeros(3).zeros(REPORT).run_everywhere();
+    assert_eq!(result.get::<Reinsertion>("found"), [Reinsertion::NONE; 3]);
 }
 
 /// No reinsertion gains more than the bound, but for roundings of the areas that it was computed from.
@@ -109,8 +142,10 @@ fn a_floor_hides_the_smaller_reinsertions_and_no_others() {
         let result = case.zeros(list.len()).zeros(REPORT).run_everywhere();
         let of_list: Vec<Reinsertion> = list.iter().map(|&input| expected[input as usize]).collect();
         assert_eq!(result.get::<Reinsertion>("found"), of_list);
-        let above = expected.iter().filter(|found| found.output != NO_NODE).count();
-        assert_eq!(result.get::<u32>("report")[FOUND] as usize, above, "the list has them all");
+        let above = of_list.iter().filter(|found| found.output != NO_NODE).count();
+        assert_eq!(result.get::<u32>("report")[FOUND] as usize, above);
+        let all = expected.iter().filter(|found| found.output != NO_NODE).count();
+        assert!(above > all * 9 / 10, "{above} of {all}: a list leaves out few");
     }
 }
 

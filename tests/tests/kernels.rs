@@ -223,7 +223,7 @@ fn cost_adds_up_chunks_and_reports_broken_trees() {
     let n = 2000u32;
     let tree = random_tree(&boxes_of(&soup(n as usize, 0.1, 10)), 1);
     let count = (n - 1).div_ceil(COST_CHUNK);
-    let params = CostParams { count, first: 0, nodes: n - 1, internal: n - 1, arrived: 2 };
+    let params = CostParams { count, first: 0, nodes: n - 1, internal: n - 1, to: 0, arrived: 2 };
     let case = |arrivals: &[u32]| {
         Case::new(Kernel::Cost, count, &params)
             .with(&tree.encode())

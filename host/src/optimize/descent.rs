@@ -12,9 +12,6 @@ use prbvh_kernel::prbvh::PrbvhParams;
 
 /// Levels; the last floor is 2⁻²⁴ of the half area of the root.
 const LEVELS: u32 = 10;
-/// Levels that share a list of candidates, which is made for the lowest floor among them.
-const LEVELS_OF_A_LIST: u32 = 3;
-
 /// The floor of a level as a part of the half area of the root: a quarter of the floor before.
 fn floor(level: u32) -> f32 {
     1.0 / (1u32 << (6 + 2 * level)) as f32
@@ -27,8 +24,8 @@ pub(super) struct Pass {
     pub(super) floor: f32,
     pub(super) mu: u32,
     pub(super) first: u32,
-    /// Before it a list of the nodes that may gain more than this part.
-    pub(super) list: Option<f32>,
+    /// Whether it is the first of its level, and needs a new list.
+    pub(super) begins_level: bool,
 }
 
 /// Where the descent is.
@@ -66,13 +63,11 @@ impl Iterator for Descent {
             return None;
         }
         let (level, first, mu) = (self.level, self.first, self.mu());
-        let begins_list = first == 0 && level.is_multiple_of(LEVELS_OF_A_LIST);
-        let list = begins_list.then(|| floor((level + LEVELS_OF_A_LIST).min(LEVELS) - 1));
         self.first += 1;
         if self.first == mu {
             (self.level, self.first) = (level + 1, 0);
         }
-        Some(Pass { floor: floor(level), mu, first, list })
+        Some(Pass { floor: floor(level), mu, first, begins_level: first == 0 })
     }
 }
 
@@ -86,9 +81,10 @@ pub(super) struct Candidates {
 
 impl Candidates {
     pub(super) fn new(scratch: &mut Scratch, device: &mut dyn Device, nodes: u32) -> Result<Self, DeviceError> {
-        let flags = scratch.allocate(device, "candidate flags", nodes as usize + 1, 4)?;
-        let list = scratch.allocate(device, "candidates", nodes as usize, 4)?;
-        let scanner = Scanner::new(scratch, device, nodes as usize + 1)?;
+        let internal = nodes as usize / 2;
+        let flags = scratch.allocate(device, "candidate flags", internal + 1, 4)?;
+        let list = scratch.allocate(device, "candidates", (2 * internal).max(1), 4)?;
+        let scanner = Scanner::new(scratch, device, internal + 1)?;
         Ok(Self { flags, list, scanner })
     }
 
@@ -103,10 +99,12 @@ impl Candidates {
     ) {
         let Self { flags, list, scanner } = self;
         let params = |count| PrbvhParams { count, mu: 1, first: 0, nodes: node_count, floor };
-        let flagged = node_count + 1;
+        let internal = node_count / 2;
+        let flagged = internal + 1;
         recording.dispatch("candidates", Kernel::PrbvhFlag, flagged, &params(flagged), &[nodes, flags]);
         scanner.record(recording, "candidates", flags, flagged);
-        recording.dispatch("candidates", Kernel::PrbvhPack, node_count, &params(node_count), &[flags, list, report]);
+        let buffers = [flags, nodes, list, report];
+        recording.dispatch("candidates", Kernel::PrbvhPack, internal, &params(internal), &buffers);
     }
 }
 
@@ -128,11 +126,11 @@ mod tests {
     }
 
     #[test]
-    fn a_list_holds_the_candidates_of_all_levels_that_use_it() {
-        let mut list = f32::INFINITY;
+    fn a_list_holds_each_candidate_of_a_level() {
+        let mut floor = f32::INFINITY;
         for pass in Descent::new(9) {
-            list = pass.list.unwrap_or(list);
-            assert!(list <= pass.floor);
+            assert_eq!(pass.begins_level, pass.floor != floor);
+            floor = pass.floor;
         }
     }
 

@@ -82,7 +82,7 @@ impl Moves {
         }
     }
 
-    /// Records search, lock and check over the tree `nodes`, of every node or of those on a list.
+    /// Records search, lock and check over the tree `nodes`, of every node or of those on a list. Whoever finds nothing is struck off the list.
     pub(super) fn record(
         &self,
         recording: &mut Recording,
@@ -103,6 +103,9 @@ impl Moves {
             (Some(list), Some(tops)) => {
                 dispatch("search", Kernel::PrbvhSearchTopCandidates, &[nodes, list, found, tops, report]);
             }
+        }
+        if let Some(list) = candidates {
+            dispatch("search", Kernel::PrbvhStrike, &[found, list]);
         }
         match (locks, tops) {
             (Locks::Word(locks), None) => {

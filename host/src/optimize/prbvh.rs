@@ -10,7 +10,7 @@ use super::{IterationRow, MoveKind, Order, PrbvhSettings, StopReason, set_relati
 use crate::build::{DeviceTree, Scratch, arrivals_length, record_refit};
 use crate::bvh::SahModel;
 use crate::device::{Buffer, Device, DeviceError, Lease, Recording, Timing};
-use passes::Work;
+use passes::{TRIES, Work};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::cost::{COST_CHUNK, CostParams};
 use prbvh_kernel::prbvh::PrbvhParams;
@@ -102,7 +102,8 @@ impl<'a> WorkingSet<'a> {
         let mut buffer = |label, length, bytes| scratch.allocate(device, label, length, bytes);
         let arrivals = buffer("arrivals", arrivals_length(tree.references), 4)?;
         let searched = if dual.is_some() { internal.div_ceil(DECREASE_CHUNK) } else { 0 };
-        let chunks = node_count.div_ceil(COST_CHUNK) + node_count.div_ceil(DECREASE_CHUNK) + searched;
+        // The first sums are of the root, the leaves and the internal nodes.
+        let chunks = node_count.div_ceil(COST_CHUNK) + 2 + TRIES * node_count.div_ceil(DECREASE_CHUNK) + searched;
         let partial = buffer("partial sums", chunks as usize, 4)?;
         let report = buffer("report", REPORT_WORDS as usize, 4)?;
         let best_links = buffer("best links", length, size_of::<NodeLinks>())?;
@@ -132,18 +133,8 @@ impl<'a> WorkingSet<'a> {
         observe: &mut dyn FnMut(&IterationRow, &DeviceTree, &mut dyn Device) -> ControlFlow<()>,
     ) -> Result<(Vec<IterationRow>, StopReason), DeviceError> {
         let start = Instant::now();
-        let mut recording = Recording::new();
-        self.record_full_refit(&mut recording);
-        self.submit(device, &recording)?;
-        let root = self.area_sum(device, 0, 1)?;
-        let leaves = self.area_sum(device, self.internal, self.tree.references)?;
-        let internal = self.area_sum(device, 0, self.internal)?;
+        let (root, leaves, internal) = self.first_areas(device)?;
         let faults = self.read_report(device)?[FAULTS];
-        // From here on only paths are refitted.
-        let mut recording = Recording::new();
-        recording.clear("refit", &self.arrivals);
-        self.submit(device, &recording)?;
-        self.arrived = 0;
 
         let references = self.tree.references;
         let cost_of = |internal| cost_of_areas(internal, leaves, root, references);
@@ -258,7 +249,7 @@ impl<'a> WorkingSet<'a> {
             recording.clear("refit", &self.report);
             self.record_full_refit(&mut recording);
             self.submit(device, &recording)?;
-            self.area_sum(device, 0, self.internal)?;
+            self.internal_areas(device)?;
             let faults = self.read_report(device)?[FAULTS];
             if faults == 0 {
                 return Ok(None);
@@ -284,19 +275,40 @@ impl<'a> WorkingSet<'a> {
         self.arrived = 2;
     }
 
-    fn record_area_sum(&self, recording: &mut Recording, first: u32, nodes: u32) {
+    /// Half areas of the root, the leaves and the internal nodes of the tree as it comes, refitted whole.
+    fn first_areas(&mut self, device: &mut dyn Device) -> Result<(f64, f64, f64), DeviceError> {
+        let (internal, leaves) = (self.internal, self.tree.references);
+        let internal_chunks = internal.div_ceil(COST_CHUNK);
+        let chunks = internal_chunks + leaves.div_ceil(COST_CHUNK);
+        let mut recording = Recording::new();
+        self.record_full_refit(&mut recording);
+        self.record_area_sum(&mut recording, 0, internal, 0);
+        self.record_area_sum(&mut recording, internal, leaves, internal_chunks);
+        self.record_area_sum(&mut recording, 0, 1, chunks);
+        // From here on only paths are refitted.
+        recording.clear("refit", &self.arrivals);
+        self.submit(device, &recording)?;
+        self.arrived = 0;
+        let partial = self.read_partial(device, chunks as usize + 1)?;
+        let (internal, rest) = partial.split_at(internal_chunks as usize);
+        let (leaves, root) = rest.split_at(rest.len() - 1);
+        Ok((sum(root), sum(leaves), sum(internal)))
+    }
+
+    /// Records the sums of the half areas of `nodes` nodes from `first` on, for `partial` from `to` on.
+    fn record_area_sum(&self, recording: &mut Recording, first: u32, nodes: u32, to: u32) {
         let count = nodes.div_ceil(COST_CHUNK);
-        let params = CostParams { count, first, nodes, internal: self.internal, arrived: self.arrived };
+        let params = CostParams { count, first, nodes, internal: self.internal, to, arrived: self.arrived };
         let buffers = [&self.tree.nodes, &self.arrivals, &self.partial, &self.report];
         recording.dispatch("cost", Kernel::Cost, count, &params, &buffers);
     }
 
-    /// Sum of the half areas of `nodes` nodes from `first` on: f32 over fixed chunks, f64 over the chunks.
-    fn area_sum(&mut self, device: &mut dyn Device, first: u32, nodes: u32) -> Result<f64, DeviceError> {
+    /// Sum of the half areas of the internal nodes: f32 over fixed chunks, f64 over the chunks.
+    fn internal_areas(&mut self, device: &mut dyn Device) -> Result<f64, DeviceError> {
         let mut recording = Recording::new();
-        self.record_area_sum(&mut recording, first, nodes);
+        self.record_area_sum(&mut recording, 0, self.internal, 0);
         self.submit(device, &recording)?;
-        Ok(sum(&self.read_partial(device, nodes.div_ceil(COST_CHUNK) as usize)?))
+        Ok(sum(&self.read_partial(device, self.internal.div_ceil(COST_CHUNK) as usize)?))
     }
 
     fn read_partial(&self, device: &mut dyn Device, chunks: usize) -> Result<Vec<f32>, DeviceError> {

@@ -110,6 +110,7 @@ impl DryDevice {
         prbvh(self, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(()))?;
         // Of a list that is empty here.
         if settings.order == Order::LargestFirst {
+            self.kernels.insert(Kernel::PrbvhStrike);
             self.kernels.insert(match settings.strategy {
                 Strategy::Aggressive => Kernel::PrbvhSearchCandidates,
                 Strategy::Conservative => Kernel::PrbvhSearchTopCandidates,

@@ -40,6 +40,7 @@ modules! {
     PrbvhSearchCandidates: "prbvh_search_candidates",
     PrbvhFlag: "prbvh_flag",
     PrbvhPack: "prbvh_pack",
+    PrbvhStrike: "prbvh_strike",
     PrbvhLock: "prbvh_lock",
     PrbvhLockDecrease: "prbvh_lock_decrease",
     PrbvhLockInput: "prbvh_lock_input",

@@ -3,7 +3,7 @@
 use super::super::descent::Descent;
 use super::{WorkingSet, sum};
 use crate::build::record_refit;
-use crate::device::{Device, DeviceError, Recording};
+use crate::device::{Buffer, Device, DeviceError, Recording};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::cost::COST_CHUNK;
 use prbvh_kernel::prbvh::PrbvhParams;
@@ -13,6 +13,10 @@ use prbvh_kernel::status::CANDIDATES;
 /// In a descent a row follows after searches of at least this part of the nodes: the cost of the whole tree and a copy of its links take
 /// their time.
 const SEARCHES_OF_A_ROW: u32 = 16;
+
+/// Tries of each candidate on a list. Among the largest reinsertions every second is in the way of another; all but these are off the list
+/// by the second try, which costs next to nothing.
+pub(super) const TRIES: u32 = 2;
 
 /// What the passes of an iteration did.
 #[derive(Clone, Copy, Debug, Default)]
@@ -42,8 +46,8 @@ impl WorkingSet<'_> {
         let mut work = Work::default();
         while let Some(pass) = descent.next() {
             let floor = |part: f32| (f64::from(part) * root) as f32;
-            if let Some(part) = pass.list {
-                self.listed = self.list_candidates(device, std::mem::take(recording), floor(part))?;
+            if pass.begins_level {
+                self.listed = self.list_candidates(device, std::mem::take(recording), floor(pass.floor))?;
             }
             let params = PrbvhParams {
                 count: self.listed.saturating_sub(pass.first).div_ceil(pass.mu),
@@ -61,7 +65,7 @@ impl WorkingSet<'_> {
         }
         // The last passes had no candidates.
         if work.searched > 0 {
-            work.areas = self.area_sum(device, 0, self.internal)?;
+            work.areas = self.internal_areas(device)?;
         }
         Ok(work)
     }
@@ -90,19 +94,17 @@ impl WorkingSet<'_> {
         work: &mut Work,
     ) -> Result<(), DeviceError> {
         let count = params.count;
-        let nodes = &self.tree.nodes;
-        let (found, report) = (&self.moves.found, &self.report);
-        let list = self.candidates.as_ref().filter(|_| of_list).map(|candidates| &candidates.list);
-        self.moves.record(&mut recording, params, list, nodes, report);
         let area_chunks = self.internal.div_ceil(COST_CHUNK);
-        let mut chunks = self.record_decreases(&mut recording, count, 0);
-        recording.dispatch("reinsert", Kernel::PrbvhReinsert, count, params, &[found, nodes, report]);
         if self.arrived != 0 {
             recording.clear("refit", &self.arrivals);
             self.arrived = 0;
         }
-        recording.dispatch("refit", Kernel::PrbvhMarkPaths, count, params, &[found, nodes, &self.arrivals]);
-        recording.dispatch("refit", Kernel::PrbvhRefitPaths, count, params, &[found, nodes, &self.arrivals]);
+        let list = self.candidates.as_ref().filter(|_| of_list).map(|candidates| &candidates.list);
+        let mut chunks = 0;
+        for _ in 0..if of_list { TRIES } else { 1 } {
+            chunks += self.record_reinsertions(&mut recording, params, list, chunks);
+        }
+        let (nodes, report) = (&self.tree.nodes, &self.report);
         if let Some(dual) = self.dual.as_ref().filter(|_| !of_list) {
             let params =
                 PrbvhParams { count: self.internal.saturating_sub(params.first).div_ceil(params.mu), ..*params };
@@ -113,7 +115,7 @@ impl WorkingSet<'_> {
             self.arrived = 2;
         }
         if measures {
-            self.record_area_sum(&mut recording, 0, self.internal);
+            self.record_area_sum(&mut recording, 0, self.internal, 0);
         }
         self.submit(device, &recording)?;
         let partial = self.read_partial(device, (area_chunks + chunks) as usize)?;
@@ -124,6 +126,24 @@ impl WorkingSet<'_> {
         work.decreases += sum(decreases);
         work.searched += count;
         Ok(())
+    }
+
+    /// Records search, reinsertion and refit; puts sums of what the reinsertions promise behind `before` others and returns how many there are.
+    fn record_reinsertions(
+        &self,
+        recording: &mut Recording,
+        params: &PrbvhParams,
+        list: Option<&Buffer>,
+        before: u32,
+    ) -> u32 {
+        let (nodes, found, report) = (&self.tree.nodes, &self.moves.found, &self.report);
+        let count = params.count;
+        self.moves.record(recording, params, list, nodes, report);
+        let sums = self.record_decreases(recording, count, before);
+        recording.dispatch("reinsert", Kernel::PrbvhReinsert, count, params, &[found, nodes, report]);
+        recording.dispatch("refit", Kernel::PrbvhMarkPaths, count, params, &[found, nodes, &self.arrivals]);
+        recording.dispatch("refit", Kernel::PrbvhRefitPaths, count, params, &[found, nodes, &self.arrivals]);
+        sums
     }
 
     /// Sums what `found` reinsertions promise behind `before` other sums of that kind; returns how many sums it makes.
