@@ -3,7 +3,7 @@
 //! Most searches of the published order find nothing, and most of what the others find is small. A floor ends the search of a node that cannot
 //! gain so much after a few steps, and every other search as soon as no output is left that could. So the first levels, which
 //! make most of the gain, cost next to nothing. In each level the nodes are searched in turn, every `mu`-th at a time: the more there are, the more of
-//! their reinsertions are in each other's way.
+//! their reinsertions are in each other's way. Those that lose their locks have a second try.
 
 use crate::build::{Scanner, Scratch};
 use crate::device::{Buffer, Device, DeviceError, Recording};
@@ -12,6 +12,7 @@ use prbvh_kernel::prbvh::PrbvhParams;
 
 /// Levels; the last floor is 2⁻²⁴ of the half area of the root.
 const LEVELS: u32 = 10;
+
 /// The floor of a level as a part of the half area of the root: a quarter of the floor before.
 fn floor(level: u32) -> f32 {
     1.0 / (1u32 << (6 + 2 * level)) as f32
