@@ -1,13 +1,14 @@
 //! Adaptive leaves: a tree of one triangle per leaf becomes a cheaper one with leaves of several ([`prbvh_kernel::collapse`]).
 
-use crate::build::{DeviceTree, Scratch, arrivals_length};
-use crate::bvh::{self, Bvh, BvhNode, Content, NO_NODE, ROOT, SahModel, TreeFault};
-use crate::device::{Buffer, Device, DeviceError, Lease, Recording, Timing};
+use crate::build::{DeviceTree, arrivals_length};
+use crate::bvh::{self, Bvh, BvhNode, Content, NO_NODE, SahModel, TreeFault};
+use crate::device::{Buffer, Device, DeviceError, Lease, Recording, Timing, read_pieces};
 use prbvh_kernel::Kernel;
+use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::collapse::{
     COST, CollapseParams, CompactNode, EmitParams, HEIGHT, LEAF, Place, PlacesParams, REMAINING, SIZE, SUBTREE_WORDS,
 };
-use prbvh_kernel::node::{Node, RIGHT};
+use prbvh_kernel::node::Node;
 use serde::Serialize;
 
 /// When a subtree becomes a leaf.
@@ -84,9 +85,7 @@ pub fn collapse(
     check_settings(settings)?;
     check_words(device, tree)?;
     let device = &mut Lease::new(device);
-    let mut scratch = Scratch::default();
-    let collapsed = Stages { tree, scratch: &mut scratch, timings: Vec::new() }.run(device, settings)?;
-    scratch.free(device);
+    let collapsed = Stages { tree, timings: Vec::new() }.run(device, settings)?;
     device.keep();
     Ok(collapsed)
 }
@@ -122,14 +121,13 @@ fn check_words(device: &dyn Device, tree: &DeviceTree) -> Result<(), DeviceError
 
 /// Allocates what the collapse of a tree of `references` triangles takes at most, and gives it back: for plans.
 pub(crate) fn reserve(device: &mut dyn Device, references: u32) -> Result<(), DeviceError> {
-    let mut scratch = Scratch::default();
-    let result = Working::allocate(device, &mut scratch, references).and_then(|_| {
-        let length = DeviceTree::node_count(references) as usize;
-        scratch.allocate(device, NODES, length, size_of::<CompactNode>())?;
-        scratch.allocate(device, ORDER, references as usize, 4)
-    });
-    scratch.free(device);
-    result.map(|_| ())
+    let device = &mut Lease::new(device);
+    let Working { arrivals, places: [_, spare], .. } = Working::allocate(device, references)?;
+    device.free(arrivals);
+    device.free(spare);
+    device.allocate(NODES, DeviceTree::node_count(references) as usize, size_of::<CompactNode>())?;
+    device.allocate(ORDER, references as usize, 4)?;
+    Ok(())
 }
 
 const NODES: &str = "collapsed nodes";
@@ -143,9 +141,9 @@ struct Working {
 }
 
 impl Working {
-    fn allocate(device: &mut dyn Device, scratch: &mut Scratch, references: u32) -> Result<Self, DeviceError> {
+    fn allocate(device: &mut dyn Device, references: u32) -> Result<Self, DeviceError> {
         let length = DeviceTree::node_count(references) as usize;
-        let mut buffer = |label, length, bytes| scratch.allocate(device, label, length, bytes);
+        let mut buffer = |label, length, bytes| device.allocate(label, length, bytes);
         Ok(Self {
             subtrees: buffer("subtrees", length * SUBTREE_WORDS as usize, 4)?,
             arrivals: buffer("arrivals", arrivals_length(references), 4)?,
@@ -156,21 +154,25 @@ impl Working {
 
 struct Stages<'a> {
     tree: &'a DeviceTree,
-    scratch: &'a mut Scratch,
     timings: Vec<Timing>,
 }
 
 impl Stages<'_> {
     fn run(mut self, device: &mut dyn Device, settings: &CollapseSettings) -> Result<Collapsed, CollapseError> {
         let count = DeviceTree::node_count(self.tree.references);
-        let Working { subtrees, arrivals, places } = Working::allocate(device, self.scratch, self.tree.references)?;
+        let Working { subtrees, arrivals, places } = Working::allocate(device, self.tree.references)?;
         let root = self.sizes(device, settings, [&subtrees, &arrivals])?;
-        let places = self.places(device, count, (&subtrees, places), root[HEIGHT as usize])?;
+        device.free(arrivals);
+        let [places, spare] = self.places(device, count, (&subtrees, places), root[HEIGHT as usize])?;
+        device.free(spare);
 
         let remaining = root[REMAINING as usize] as usize;
         let nodes = device.allocate(NODES, remaining, size_of::<CompactNode>())?;
         let order = device.allocate(ORDER, self.tree.references as usize, 4)?;
-        let tree = self.emit(device, count, [&subtrees, &places], [&nodes, &order])?;
+        self.emit(device, count, [&subtrees, &places], [&nodes, &order])?;
+        device.free(subtrees);
+        device.free(places);
+        let tree = read(device, &nodes, &order)?;
         let device_cost = self.device_cost(device, root[COST as usize])?;
         Ok(Collapsed { nodes, order, tree, device_cost, timings: self.timings })
     }
@@ -197,21 +199,20 @@ impl Stages<'_> {
         device.download(subtrees, bytemuck::cast_slice_mut(&mut root))?;
         if root[SIZE as usize] & !LEAF != n {
             // Not every leaf hangs below the root.
-            let nodes = self.tree.download(device)?;
-            let faults = Bvh::from_device(&nodes).err().unwrap_or_default();
+            let faults = self.tree.decode(device, 0)?.err().unwrap_or_default();
             return Err(CollapseError::InvalidTree { device: device.info().name.clone(), faults });
         }
         Ok(root)
     }
 
-    /// The places of all nodes; `height` links at most lie between the root and a leaf.
+    /// The places of all nodes, and the buffer that is free again; `height` links at most lie between the root and a leaf.
     fn places(
         &mut self,
         device: &mut dyn Device,
         count: u32,
         (subtrees, [mut from, mut to]): (&Buffer, [Buffer; 2]),
         height: u32,
-    ) -> Result<Buffer, CollapseError> {
+    ) -> Result<[Buffer; 2], CollapseError> {
         let params = PlacesParams { count };
         let mut recording = Recording::new();
         let buffers = [&self.tree.nodes, subtrees, &from];
@@ -223,7 +224,7 @@ impl Stages<'_> {
             reach *= 2;
         }
         self.timings.extend(device.run(&recording)?);
-        Ok(from)
+        Ok([from, to])
     }
 
     fn emit(
@@ -232,16 +233,12 @@ impl Stages<'_> {
         count: u32,
         [subtrees, places]: [&Buffer; 2],
         [nodes, order]: [&Buffer; 2],
-    ) -> Result<Bvh, CollapseError> {
+    ) -> Result<(), CollapseError> {
         let mut recording = Recording::new();
         let buffers = [&self.tree.nodes, subtrees, places, nodes, order];
         recording.dispatch("collapse", Kernel::CollapseEmit, count, &EmitParams { count }, &buffers);
         self.timings.extend(device.run(&recording)?);
-        let mut compact = vec![bytemuck::Zeroable::zeroed(); nodes.length];
-        device.download(nodes, bytemuck::cast_slice_mut(&mut compact))?;
-        let mut triangle_order = vec![0u32; order.length];
-        device.download(order, bytemuck::cast_slice_mut(&mut triangle_order))?;
-        Ok(Bvh { nodes: linked(&compact), triangle_order })
+        Ok(())
     }
 
     /// Cost of the root in the unit of [`bvh::quality()`].
@@ -257,17 +254,18 @@ impl Stages<'_> {
     }
 }
 
-/// The nodes with their parents; ids stay.
-fn linked(compact: &[CompactNode]) -> Vec<BvhNode> {
-    let content = |v: u32, node: &CompactNode| match node.count {
-        0 => Content::Internal { left: v + 1, right: node.first },
-        count => Content::Leaf { first: node.first, count },
-    };
-    let aabb = |node: &CompactNode| prbvh_kernel::aabb::Aabb { min: node.min, max: node.max };
-    let mut nodes: Vec<BvhNode> = (ROOT..RIGHT)
-        .zip(compact)
-        .map(|(v, node)| BvhNode { aabb: aabb(node), parent: NO_NODE, content: content(v, node) })
-        .collect();
+/// The tree with its parents; ids stay.
+fn read(device: &mut dyn Device, compact: &Buffer, order: &Buffer) -> Result<Bvh, DeviceError> {
+    let mut nodes: Vec<BvhNode> = Vec::with_capacity(compact.length);
+    read_pieces(device, compact, |piece: &[CompactNode]| {
+        for node in piece {
+            let content = match node.count {
+                0 => Content::Internal { left: nodes.len() as u32 + 1, right: node.first },
+                count => Content::Leaf { first: node.first, count },
+            };
+            nodes.push(BvhNode { aabb: Aabb { min: node.min, max: node.max }, parent: NO_NODE, content });
+        }
+    })?;
     for v in 0..nodes.len() {
         if let Content::Internal { left, right } = nodes[v].content {
             for child in [left, right] {
@@ -277,5 +275,7 @@ fn linked(compact: &[CompactNode]) -> Vec<BvhNode> {
             }
         }
     }
-    nodes
+    let mut triangle_order = vec![0u32; order.length];
+    device.download(order, bytemuck::cast_slice_mut(&mut triangle_order))?;
+    Ok(Bvh { nodes, triangle_order })
 }

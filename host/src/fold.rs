@@ -64,6 +64,7 @@ impl Fold {
     /// nothing, which is a fault of the tree.
     pub(crate) fn unfold(&self, tree: Bvh) -> Bvh {
         let Bvh { mut nodes, triangle_order } = tree;
+        nodes.reserve_exact(2 * self.folded());
         let mut unfolded = Vec::with_capacity(self.members.len());
         let mut stack = Vec::new();
         for v in 0..nodes.len() {

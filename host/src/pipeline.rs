@@ -1,15 +1,17 @@
 //! From a scene to its best tree: safe range, initial tree, optimiser, adaptive leaves, original boxes, validation.
 
 mod feature;
+mod hand_out;
 mod on_host;
 
 pub use feature::FeatureOff;
+use hand_out::{hand_out, hand_out_collapsed, upload_unfolded};
 
 use crate::build::{self, Codes, DeviceTree, MortonBits, TreeOfFileError, TreeletSize};
 use crate::bvh::{self, Bvh, EncodeError, Quality, SahModel, TreeFault};
-use crate::collapse::{CollapseError, CollapseSettings, check_settings, collapse};
-use crate::device::{Device, DeviceError, DeviceInfo, Lease, Timing, Watched, on_host};
-use crate::fold::{Fold, unfold_rows, unfolded_row};
+use crate::collapse::{CollapseError, CollapseSettings, check_settings};
+use crate::device::{Device, DeviceError, Lease, Timing, Watched, on_host};
+use crate::fold::{unfold_rows, unfolded_row};
 use crate::optimize::{CurrentTree, IterationRow, Limits, Outcome, PrbvhSettings, RbvhSettings, prbvh};
 use crate::plan::{Plan, PlanMismatch};
 use crate::scene::{SafeRange, Scene};
@@ -255,17 +257,16 @@ pub fn optimize_watched(
     plan.check(device.info())?;
     let mut lease = Lease::new(device);
     let device = &mut Watched::new(&mut lease);
-    let working = on_host(device, || SafeRange::of(&scene.triangles).apply(&scene.triangles));
     let fold = plan.fold.clone();
-    let references = fold.as_ref().map(|fold| fold.references(&working));
+    let mut references = working_triangles(scene, device);
+    if let Some(fold) = &fold {
+        references = fold.references(&references);
+    }
     let added = fold.as_ref().map_or(0.0, |fold| fold.added_cost(&scene.triangles, &SahModel::default()));
 
     let start = Instant::now();
-    let (mut tree, build_timings) =
-        initial_tree(scene, references.as_deref().unwrap_or(&working), device, (&settings.initial, plan.codes))?;
+    let (mut tree, build_timings) = initial_tree(scene, references, device, (&settings.initial, plan.codes))?;
     let build_s = start.elapsed().as_secs_f64();
-    drop(references);
-    let working = (fold.is_some() && plan.collapses).then_some(working);
     let (built, initial) = hand_out((&tree, fold.as_deref()), scene, device, "builder")?;
     // Only kept where nothing comes after it.
     let built = matches!(settings.optimizer, Optimizer::None).then_some(built);
@@ -282,36 +283,41 @@ pub fn optimize_watched(
         Optimizer::Rbvh(settings) => {
             let mut settings = settings.clone();
             settings.limits.target_cost = below(settings.limits.target_cost);
-            on_host::rbvh(&tree, device, &settings, &mut observe)?
+            let (optimized, outcome) = on_host::rbvh(tree, device, &settings, &mut observe)?;
+            tree = optimized;
+            outcome
         }
         Optimizer::None => on_host::nothing(&tree, device, &initial, &mut observe),
     };
     let optimize_s = start.elapsed().as_secs_f64();
-    let (mut best, quality) = match built {
+    let (best, quality) = match built {
         Some(built) => (built, initial),
         None => hand_out((&tree, fold.as_deref()), scene, device, "optimiser")?,
     };
     if fold.is_some() {
         unfold_rows(&mut outcome.rows, added);
-        if let Some(working) = &working {
-            // The collapse counts triangles.
-            tree.free(device);
-            tree = DeviceTree::upload(device, &best.clone().with_boxes_of(working).to_device()?)?;
+    }
+    let (handed_out, adaptive, collapse_timings) = match &settings.adaptive {
+        None => (best, None, Vec::new()),
+        Some(settings) if !plan.collapses => {
+            let measured = bvh::quality(&best, &settings.sah);
+            (best, Some(measured), Vec::new())
         }
-    }
-    let mut adaptive = None;
-    let mut collapse_timings = Vec::new();
-    if let Some(settings) = settings.adaptive.as_ref().filter(|_| !plan.collapses) {
-        adaptive = Some(bvh::quality(&best, &settings.sah));
-    } else if let Some(settings) = &settings.adaptive {
-        let (collapsed, measured, timings) = hand_out_collapsed(&tree, scene, device, settings)?;
-        best = collapsed;
-        adaptive = Some(measured);
-        collapse_timings = timings;
-    }
+        Some(settings) => {
+            if fold.is_some() {
+                // The collapse counts triangles.
+                tree.free(device);
+                tree = upload_unfolded(best, scene, device)?;
+            } else {
+                drop(best);
+            }
+            let (collapsed, measured, timings) = hand_out_collapsed(&tree, scene, device, settings)?;
+            (collapsed, Some(measured), timings)
+        }
+    };
     tree.free(device);
     Ok(Optimized {
-        tree: best,
+        tree: handed_out,
         initial,
         quality,
         adaptive,
@@ -325,23 +331,15 @@ pub fn optimize_watched(
     })
 }
 
-/// The device's tree with adaptive leaves, validated.
-fn hand_out_collapsed(
-    tree: &DeviceTree,
-    scene: &Scene,
-    device: &mut dyn Device,
-    settings: &CollapseSettings,
-) -> Result<(Bvh, Quality, Vec<Timing>), PipelineError> {
-    let mut collapsed = collapse(device, tree, settings)?;
-    let timings = std::mem::take(&mut collapsed.timings);
-    let (tree, quality) = measured(Ok(collapsed.free(device)), scene, device.info(), "collapse", &settings.sah)?;
-    Ok((tree, quality, timings))
+/// The scene in working coordinates.
+fn working_triangles(scene: &Scene, device: &dyn Device) -> Vec<Triangle> {
+    on_host(device, || SafeRange::of(&scene.triangles).apply(&scene.triangles))
 }
 
 /// The tree to start from, on the device, and the times of its stages.
 fn initial_tree(
     scene: &Scene,
-    working: &[Triangle],
+    working: Vec<Triangle>,
     device: &mut dyn Device,
     (initial, codes): (&Initial, Codes),
 ) -> Result<(DeviceTree, Vec<Timing>), PipelineError> {
@@ -359,40 +357,11 @@ fn initial_tree(
         }
         #[cfg(not(feature = "atrbvh"))]
         Initial::Atrbvh { .. } => return Err(FeatureOff { method: "atrbvh", feature: "atrbvh" }.into()),
-        Initial::SahSweep => ("sah sweep", on_host(device, || build::sah_sweep(working))),
-        Initial::SahBinned => ("sah binned", on_host(device, || build::sah_binned(working))),
-        Initial::File(path) => ("read tree", build::from_file(path, scene, working)?),
+        Initial::SahSweep => ("sah sweep", on_host(device, || build::sah_sweep(&working))),
+        Initial::SahBinned => ("sah binned", on_host(device, || build::sah_binned(&working))),
+        Initial::File(path) => ("read tree", build::from_file(path, scene, &working)?),
     };
+    drop(working);
     let timing = Timing { label, seconds: start.elapsed().as_secs_f64() };
     Ok((DeviceTree::upload(device, &nodes)?, vec![timing]))
-}
-
-/// The device's tree, unfolded, with the boxes of the original triangles, validated.
-fn hand_out(
-    (tree, fold): (&DeviceTree, Option<&Fold>),
-    scene: &Scene,
-    device: &mut dyn Device,
-    stage: &'static str,
-) -> Result<(Bvh, Quality), PipelineError> {
-    let decoded = Bvh::from_device(&tree.download(device)?);
-    let decoded = match fold {
-        Some(fold) => decoded.map(|tree| fold.unfold(tree)),
-        None => decoded,
-    };
-    measured(decoded, scene, device.info(), stage, &SahModel::default())
-}
-
-/// A decoded tree with the boxes of the original triangles, validated, and its quality.
-fn measured(
-    decoded: Result<Bvh, Vec<TreeFault>>,
-    scene: &Scene,
-    device: &DeviceInfo,
-    stage: &'static str,
-    sah: &SahModel,
-) -> Result<(Bvh, Quality), PipelineError> {
-    let invalid = |faults| PipelineError::InvalidTree { stage, device: device.name.clone(), faults };
-    let tree = decoded.map_err(invalid)?.with_boxes_of(&scene.triangles);
-    bvh::validate(&tree, Some(&scene.triangles)).map_err(invalid)?;
-    let quality = bvh::quality(&tree, sah);
-    Ok((tree, quality))
 }

@@ -2,6 +2,7 @@
 
 use prbvh::scene::{SafeRange, built_in};
 use prbvh_kernel::setup::Triangle;
+use proptest::prelude::*;
 
 /// Random numbers from a seed (splitmix64).
 #[derive(Debug)]
@@ -101,4 +102,25 @@ pub fn inputs() -> Vec<(&'static str, Vec<Triangle>)> {
         ("nested", nested(900)),
         ("built-in", built_in(2000).triangles),
     ]
+}
+
+/// Fewer than `count` triangles with coordinates from a small grid: duplicates, flat and empty boxes, exact ties.
+pub fn on_a_lattice(count: usize) -> impl Strategy<Value = Vec<Triangle>> {
+    let triangle = prop::array::uniform9(0u8..4).prop_map(|c| {
+        let c = c.map(f32::from);
+        Triangle { a: [c[0], c[1], c[2]], b: [c[3], c[4], c[5]], c: [c[6], c[7], c[8]] }
+    });
+    prop::collection::vec(triangle, 1..count)
+}
+
+/// Fewer than `count` triangles, two at least, with sizes over 60 powers of two; and the seed that they are from.
+pub fn stiff(count: usize) -> impl Strategy<Value = (Vec<Triangle>, u64)> {
+    (any::<u64>(), prop::collection::vec(-30i32..30, 2..count)).prop_map(|(seed, exponents)| {
+        let mut triangles = soup(exponents.len(), 0.5, seed);
+        for (t, &exponent) in triangles.iter_mut().zip(&exponents) {
+            let scale = |p: [f32; 3]| p.map(|x| x * 2f32.powi(exponent));
+            *t = Triangle { a: scale(t.a), b: scale(t.b), c: scale(t.c) };
+        }
+        (triangles, seed)
+    })
 }

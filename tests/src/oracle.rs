@@ -2,6 +2,7 @@
 
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::node::{NO_NODE, Node, RIGHT};
+use prbvh_kernel::setup::Triangle;
 
 /// A binary tree as lists of children, for tests that change it step by step.
 #[derive(Clone, Debug, PartialEq)]
@@ -154,6 +155,13 @@ impl NaiveTree {
 pub fn half_area(aabb: &Aabb) -> f64 {
     let extent = |k: usize| f64::from(aabb.max[k]) - f64::from(aabb.min[k]);
     extent(0) * extent(1) + extent(1) * extent(2) + extent(2) * extent(0)
+}
+
+/// A [`random_tree`] over triangles.
+#[must_use]
+pub fn tree_of(triangles: &[Triangle], seed: u64) -> NaiveTree {
+    let boxes: Vec<Aabb> = triangles.iter().map(Triangle::aabb).collect();
+    random_tree(&boxes, seed)
 }
 
 /// A random tree over boxes: two random subtrees are joined until one is left. Leaf `n-1+k` holds reference `k`.

@@ -193,7 +193,7 @@ impl Device for Fails {
     fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
         self.0.upload(buffer, bytes)
     }
-    fn download(&mut self, _: &Buffer, _: &mut [u8]) -> Result<(), DeviceError> {
+    fn download_from(&mut self, _: &Buffer, _: usize, _: &mut [u8]) -> Result<(), DeviceError> {
         Err(DeviceError::NoDevice("it is gone".to_owned()))
     }
     fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {

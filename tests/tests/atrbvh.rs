@@ -379,8 +379,8 @@ impl device::Layer for Hasty {
         &mut self.0
     }
 
-    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
-        self.0.download(buffer, bytes)?;
+    fn download_from(&mut self, buffer: &Buffer, first: usize, bytes: &mut [u8]) -> Result<(), DeviceError> {
+        self.0.download_from(buffer, first, bytes)?;
         if buffer.label == "report" {
             bytes[4 * FAULTS..][..4].copy_from_slice(&FAULT_TREELET.to_ne_bytes());
         }

@@ -9,9 +9,9 @@ use prbvh_kernel::prbvh::{PrbvhParams, Reinsertion, lock_key};
 use prbvh_kernel::setup::Triangle;
 use prbvh_kernel::status::{APPLIED, FAULTS, FOUND, OWNED, REPORT_WORDS};
 use prbvh_tests::compare::Case;
-use prbvh_tests::fixtures::{grid, soup};
+use prbvh_tests::fixtures::{grid, on_a_lattice, soup, stiff};
 use prbvh_tests::footprint::{Footprint, additivity_fault, sum_fault};
-use prbvh_tests::oracle::{NaiveTree, random_tree};
+use prbvh_tests::oracle::{NaiveTree, random_tree, tree_of};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 
@@ -19,11 +19,6 @@ const REPORT: usize = REPORT_WORDS as usize;
 
 fn params(mu: u32, first: u32, nodes: usize) -> PrbvhParams {
     PrbvhParams::every(mu, first, nodes as u32)
-}
-
-fn tree_of(triangles: &[Triangle], seed: u64) -> NaiveTree {
-    let boxes: Vec<Aabb> = triangles.iter().map(Triangle::aabb).collect();
-    random_tree(&boxes, seed)
 }
 
 /// `found` and `tops` of the search, compared with the search of the aggressive strategy.
@@ -343,32 +338,17 @@ fn a_pivot_that_stops_the_growth_is_read() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
 
-    /// Coordinates from a small grid: duplicates, flat and empty boxes, exact ties.
     #[test]
     fn degenerate_trees_add_up(
-        corners in prop::collection::vec(prop::array::uniform9(0u8..4), 1..40),
+        triangles in on_a_lattice(40),
         seed in any::<u64>(),
         mu in 1u32..4,
     ) {
-        let triangles: Vec<Triangle> = corners
-            .iter()
-            .map(|c| c.map(f32::from))
-            .map(|c| Triangle { a: [c[0], c[1], c[2]], b: [c[3], c[4], c[5]], c: [c[6], c[7], c[8]] })
-            .collect();
         iterate(tree_of(&triangles, seed), mu, 3);
     }
 
-    /// Sizes over 60 powers of two.
     #[test]
-    fn stiff_trees_add_up(seed in any::<u64>(), exponents in prop::collection::vec(-30i32..30, 2..40)) {
-        let triangles: Vec<Triangle> = soup(exponents.len(), 0.5, seed)
-            .into_iter()
-            .zip(&exponents)
-            .map(|(t, &e)| {
-                let scale = |p: [f32; 3]| p.map(|x| x * 2f32.powi(e));
-                Triangle { a: scale(t.a), b: scale(t.b), c: scale(t.c) }
-            })
-            .collect();
+    fn stiff_trees_add_up((triangles, seed) in stiff(40)) {
         iterate(tree_of(&triangles, seed), 1, 3);
     }
 }

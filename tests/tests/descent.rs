@@ -7,7 +7,6 @@ use prbvh::optimize::{Limits, Order, PrbvhSettings, StopReason, Strategy, prbvh}
 use prbvh::pipeline::{Optimized, Optimizer, Settings, optimize};
 use prbvh::scene::Scene;
 use prbvh_kernel::Kernel;
-use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::node::{NO_NODE, Node, RIGHT, ROOT};
 use prbvh_kernel::prbvh::candidates::largest_decrease;
 use prbvh_kernel::prbvh::{PrbvhParams, Reinsertion};
@@ -16,15 +15,10 @@ use prbvh_kernel::status::{CANDIDATES, FOUND, REPORT_WORDS};
 use prbvh_tests::compare::Case;
 use prbvh_tests::devices::with_devices;
 use prbvh_tests::fixtures::{grid, soup};
-use prbvh_tests::oracle::{NaiveTree, half_area, random_tree};
+use prbvh_tests::oracle::{half_area, tree_of};
 use std::ops::ControlFlow;
 
 const REPORT: usize = REPORT_WORDS as usize;
-
-fn tree_of(triangles: &[Triangle], seed: u64) -> NaiveTree {
-    let boxes: Vec<Aabb> = triangles.iter().map(Triangle::aabb).collect();
-    random_tree(&boxes, seed)
-}
 
 fn params(nodes: usize, floor: f32) -> PrbvhParams {
     PrbvhParams { count: nodes as u32, mu: 1, first: 0, nodes: nodes as u32, floor }

@@ -5,12 +5,11 @@ use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::node::{NO_NODE, Node};
 use prbvh_kernel::prbvh::dual::DualMove;
 use prbvh_kernel::prbvh::{PrbvhParams, Reinsertion, lock_key};
-use prbvh_kernel::setup::Triangle;
 use prbvh_kernel::status::{APPLIED, FAULTS, FOUND, OWNED, REPORT_WORDS};
 use prbvh_tests::compare::Case;
 use prbvh_tests::dual::{measured_area_decrease, moves, reinsert, topology};
-use prbvh_tests::fixtures::soup;
-use prbvh_tests::oracle::{NaiveTree, half_area, random_tree};
+use prbvh_tests::fixtures::{on_a_lattice, soup, stiff};
+use prbvh_tests::oracle::{NaiveTree, half_area, tree_of};
 use proptest::prelude::*;
 
 const REPORT: usize = REPORT_WORDS as usize;
@@ -18,11 +17,6 @@ const REPORT: usize = REPORT_WORDS as usize;
 fn params(mu: u32, first: u32, nodes: usize) -> PrbvhParams {
     let internal = nodes as u32 / 2;
     PrbvhParams { count: internal.saturating_sub(first).div_ceil(mu), mu, first, nodes: nodes as u32, floor: 0.0 }
-}
-
-fn tree_of(triangles: &[Triangle], seed: u64) -> NaiveTree {
-    let boxes: Vec<Aabb> = triangles.iter().map(Triangle::aabb).collect();
-    random_tree(&boxes, seed)
 }
 
 /// `found` and `seconds`, the same on every device in every order.
@@ -234,35 +228,20 @@ fn a_search_over_the_bound_moves_nothing_on_any_device() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
 
-    /// Coordinates from a small grid: duplicates, flat and empty boxes, exact ties.
     #[test]
     fn degenerate_trees_stay_trees(
-        corners in prop::collection::vec(prop::array::uniform9(0u8..4), 1..40),
+        triangles in on_a_lattice(40),
         seed in any::<u64>(),
         mu in 1u32..4,
     ) {
-        let triangles: Vec<Triangle> = corners
-            .iter()
-            .map(|c| c.map(f32::from))
-            .map(|c| Triangle { a: [c[0], c[1], c[2]], b: [c[3], c[4], c[5]], c: [c[6], c[7], c[8]] })
-            .collect();
         let mut tree = tree_of(&triangles, seed);
         for iteration in 0..4 {
             tree = check_iteration(&tree, mu, iteration % mu);
         }
     }
 
-    /// Sizes over 60 powers of two.
     #[test]
-    fn stiff_trees_stay_trees(seed in any::<u64>(), exponents in prop::collection::vec(-30i32..30, 2..40)) {
-        let triangles: Vec<Triangle> = soup(exponents.len(), 0.5, seed)
-            .into_iter()
-            .zip(&exponents)
-            .map(|(t, &e)| {
-                let scale = |p: [f32; 3]| p.map(|x| x * 2f32.powi(e));
-                Triangle { a: scale(t.a), b: scale(t.b), c: scale(t.c) }
-            })
-            .collect();
+    fn stiff_trees_stay_trees((triangles, seed) in stiff(40)) {
         let mut tree = tree_of(&triangles, seed);
         for _ in 0..3 {
             tree = check_iteration(&tree, 1, 0);

@@ -33,7 +33,7 @@ impl Device for Untouchable {
         panic!("{} is uploaded", buffer.label)
     }
 
-    fn download(&mut self, buffer: &Buffer, _: &mut [u8]) -> Result<(), DeviceError> {
+    fn download_from(&mut self, buffer: &Buffer, _: usize, _: &mut [u8]) -> Result<(), DeviceError> {
         panic!("{} is downloaded", buffer.label)
     }
 

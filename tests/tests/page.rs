@@ -69,6 +69,13 @@ fn ten_scenes_by_twelve_methods_work_in_a_browser() {
     page::write(&made_up::comparison(10), &Path::new(env!("CARGO_TARGET_TMPDIR")).join("page")).unwrap();
     assert_eq!(requests(&page.html), [""; 0]);
     assert!(page.html.len() < 5 << 20, "{} bytes", page.html.len());
+    let body = page.html.split("<script type").next().unwrap();
+    for once_a_scene in
+        ["<li>collapse to adaptive leaves: one triangle per leaf", "<li>refits of nodes below which nothing moved"]
+    {
+        assert_eq!(body.matches(once_a_scene).count(), 10, "{once_a_scene}");
+    }
+    assert!(body.contains("is &#60;none&#62; &#38; &#34;nothing&#34; <span class=\"unit\">– lbvh"), "text stays text");
     for view in [DESK, View { width: 500, height: 900, dark: true }] {
         let found = page.check(&browser, view, "");
         assert!(found.problems.is_empty(), "{:#?}", found.problems);

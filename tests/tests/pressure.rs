@@ -66,9 +66,9 @@ impl device::Layer for Pressed<'_> {
         self.device.upload(buffer, bytes)
     }
 
-    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
+    fn download_from(&mut self, buffer: &Buffer, first: usize, bytes: &mut [u8]) -> Result<(), DeviceError> {
         self.call()?;
-        self.device.download(buffer, bytes)
+        self.device.download_from(buffer, first, bytes)
     }
 
     fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {

@@ -1,15 +1,13 @@
 //! PRBVH's four kernels against brute force.
 
 use prbvh_kernel::Kernel;
-use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::node::{NO_NODE, Node};
 use prbvh_kernel::prbvh::{PrbvhParams, Reinsertion, lock_key};
-use prbvh_kernel::setup::Triangle;
 use prbvh_kernel::status::{APPLIED, FAULTS, FOUND, OWNED, REPORT_WORDS};
 use prbvh_tests::compare::Case;
-use prbvh_tests::fixtures::soup;
+use prbvh_tests::fixtures::{on_a_lattice, soup, stiff};
 use prbvh_tests::footprint::topology;
-use prbvh_tests::oracle::{NaiveTree, half_area, random_tree};
+use prbvh_tests::oracle::{NaiveTree, half_area, tree_of};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 
@@ -17,11 +15,6 @@ const REPORT: usize = REPORT_WORDS as usize;
 
 fn params(mu: u32, first: u32, nodes: usize) -> PrbvhParams {
     PrbvhParams::every(mu, first, nodes as u32)
-}
-
-fn tree_of(triangles: &[Triangle], seed: u64) -> NaiveTree {
-    let boxes: Vec<Aabb> = triangles.iter().map(Triangle::aabb).collect();
-    random_tree(&boxes, seed)
 }
 
 fn search(tree: &NaiveTree, params: &PrbvhParams) -> (Vec<Reinsertion>, Vec<u32>) {
@@ -183,18 +176,12 @@ fn iterations_do_what_the_naive_ones_do_and_end() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
 
-    /// Coordinates from a small grid: duplicates, flat and empty boxes, exact ties.
     #[test]
     fn degenerate_trees_stay_trees(
-        corners in prop::collection::vec(prop::array::uniform9(0u8..4), 1..24),
+        triangles in on_a_lattice(24),
         seed in any::<u64>(),
         mu in 1u32..4,
     ) {
-        let triangles: Vec<Triangle> = corners
-            .iter()
-            .map(|c| c.map(f32::from))
-            .map(|c| Triangle { a: [c[0], c[1], c[2]], b: [c[3], c[4], c[5]], c: [c[6], c[7], c[8]] })
-            .collect();
         let mut tree = tree_of(&triangles, seed);
         check_search(&tree);
         for iteration in 0..3 {
@@ -202,17 +189,8 @@ proptest! {
         }
     }
 
-    /// Sizes over 60 powers of two.
     #[test]
-    fn stiff_trees_stay_trees(seed in any::<u64>(), exponents in prop::collection::vec(-30i32..30, 2..24)) {
-        let triangles: Vec<Triangle> = soup(exponents.len(), 0.5, seed)
-            .into_iter()
-            .zip(&exponents)
-            .map(|(t, &e)| {
-                let scale = |p: [f32; 3]| p.map(|x| x * 2f32.powi(e));
-                Triangle { a: scale(t.a), b: scale(t.b), c: scale(t.c) }
-            })
-            .collect();
+    fn stiff_trees_stay_trees((triangles, seed) in stiff(24)) {
         let mut tree = tree_of(&triangles, seed);
         check_search(&tree);
         for _ in 0..3 {

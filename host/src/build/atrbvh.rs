@@ -8,6 +8,7 @@ use prbvh_kernel::atrbvh::{LevelsParams, RestructureParams};
 use prbvh_kernel::setup::Triangle;
 use prbvh_kernel::status::{APPLIED, FAULTS, REPORT_WORDS};
 use serde::Serialize;
+use std::borrow::Cow;
 
 /// What a pass over the tree did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -38,16 +39,16 @@ const LEVELS_AT_ONCE: usize = 512;
 const FEWEST: u32 = 3;
 
 /// Builds an LBVH over `triangles`, whose coordinates are in the safe range (`crate::scene::SafeRange`), and restructures it. Returns the tree with
-/// the times of its stages and its passes.
+/// the times of its stages and its passes. Triangles that are handed over are freed as soon as the device has them.
 ///
 /// # Errors
 /// If the triangles do not fit the device, or the device fails.
 ///
 /// # Panics
 /// If there are no triangles.
-pub fn atrbvh(
+pub fn atrbvh<'a>(
     device: &mut dyn Device,
-    triangles: &[Triangle],
+    triangles: impl Into<Cow<'a, [Triangle]>>,
     codes: impl Into<Codes>,
     treelet: TreeletSize,
 ) -> Result<(DeviceTree, Vec<Timing>, Vec<Pass>), DeviceError> {

@@ -7,23 +7,24 @@ use crate::device::{Device, DeviceError, Lease, Recording, Timing};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::lbvh::{HierarchyParams, LeavesParams};
 use prbvh_kernel::setup::Triangle;
+use std::borrow::Cow;
 
 /// Builds a tree over `triangles`, whose coordinates are in the safe range (`crate::scene::SafeRange`). Returns it with the
-/// times of its stages.
+/// times of its stages. Triangles that are handed over are freed as soon as the device has them.
 ///
 /// # Errors
 /// If the triangles do not fit the device, or the device fails.
 ///
 /// # Panics
 /// If there are no triangles.
-pub fn lbvh(
+pub fn lbvh<'a>(
     device: &mut dyn Device,
-    triangles: &[Triangle],
+    triangles: impl Into<Cow<'a, [Triangle]>>,
     codes: impl Into<Codes>,
 ) -> Result<(DeviceTree, Vec<Timing>), DeviceError> {
     let device = &mut Lease::new(device);
     let mut recording = Recording::new();
-    let (sorted, mut timings) = MortonOrder::record(&mut recording, device, triangles, codes.into())?;
+    let (sorted, mut timings) = MortonOrder::record(&mut recording, device, triangles.into(), codes.into())?;
     let n = sorted.references;
     let tree = DeviceTree::allocate(device, n)?;
     let leaves = LeavesParams { count: n };

@@ -26,8 +26,10 @@ pub(crate) use scan::Scanner;
 pub use sweep::sah_sweep;
 pub use treelet::{TreeletSize, TreeletSizeError};
 
-use crate::device::{Buffer, Device, DeviceError, DeviceInfo, Lease, Recording};
+use crate::bvh::{Bvh, Decoder, TreeFault};
+use crate::device::{Buffer, Device, DeviceError, DeviceInfo, Lease, Recording, read_pieces};
 use crate::scene::MAX_TRIANGLES;
+use bytemuck::Zeroable;
 use prbvh_kernel::Kernel;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::refit::RefitParams;
@@ -59,9 +61,26 @@ impl DeviceTree {
     /// # Errors
     /// If the device fails.
     pub fn download(&self, device: &mut dyn Device) -> Result<Vec<Node>, DeviceError> {
-        let mut nodes = vec![bytemuck::Zeroable::zeroed(); self.nodes.length];
+        let mut nodes = vec![Node::zeroed(); self.nodes.length];
         device.download(&self.nodes, bytemuck::cast_slice_mut(&mut nodes))?;
         Ok(nodes)
+    }
+
+    /// The tree as [`Bvh::from_device`] has it, without a copy of all nodes on the way, and with room for `more` of them.
+    ///
+    /// # Errors
+    /// If the device fails; inside, the faults of the links.
+    pub(crate) fn decode(
+        &self,
+        device: &mut dyn Device,
+        more: usize,
+    ) -> Result<Result<Bvh, Vec<TreeFault>>, DeviceError> {
+        let mut decoder = match Decoder::new(self.nodes.length, more) {
+            Ok(decoder) => decoder,
+            Err(faults) => return Ok(Err(faults)),
+        };
+        read_pieces(device, &self.nodes, |piece| decoder.push(piece))?;
+        Ok(decoder.finish())
     }
 
     /// Puts a tree that was made elsewhere on the device.

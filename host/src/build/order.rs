@@ -10,6 +10,7 @@ use prbvh_kernel::morton::MortonParams;
 use prbvh_kernel::setup::{BOUNDS_CHUNK, BoundsParams, BoxesParams, Triangle};
 use prbvh_kernel::sort::GatherParams;
 use serde::Serialize;
+use std::borrow::Cow;
 
 /// Length of the Morton codes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -41,7 +42,7 @@ pub(super) struct MortonOrder {
 }
 
 impl MortonOrder {
-    /// Computes the boxes and records codes and sort. Returns the times of what has run.
+    /// Computes the boxes and records codes and sort. Triangles that are handed over are freed in between. Returns the times of what has run.
     ///
     /// # Errors
     /// If the triangles do not fit the device, or the device fails.
@@ -51,7 +52,7 @@ impl MortonOrder {
     pub(super) fn record(
         recording: &mut Recording,
         device: &mut dyn Device,
-        triangles: &[Triangle],
+        triangles: Cow<'_, [Triangle]>,
         plan: Codes,
     ) -> Result<(Self, Vec<Timing>), DeviceError> {
         assert!(!triangles.is_empty(), "a tree needs a triangle");
@@ -59,8 +60,9 @@ impl MortonOrder {
         let references = u32::try_from(triangles.len()).expect("checked against the limit of indices");
         let (mut scratch, mut codes) = (Scratch::default(), Scratch::default());
         let boxes = scratch.allocate(device, "boxes", triangles.len(), size_of::<Aabb>())?;
-        let (scene_box, timings) = setup(device, triangles, &boxes)?;
-        let order = scratch.allocate(device, "order", triangles.len(), 4)?;
+        let (scene_box, timings) = setup(device, &triangles, &boxes)?;
+        drop(triangles);
+        let order = scratch.allocate(device, "order", references as usize, 4)?;
         let (high, low) = record_codes(recording, &mut codes, device, references, (&boxes, &order), plan, scene_box)?;
         Ok((Self { references, boxes, order, high, low, scratch, codes }, timings))
     }

@@ -12,80 +12,111 @@ impl Bvh {
     /// All faults of the links: what is returned otherwise is a tree with each of `n` triangles in one leaf. Boxes are not looked
     /// at; [`validate`](super::validate()) does that.
     pub fn from_device(nodes: &[Node]) -> Result<Self, Vec<TreeFault>> {
-        if nodes.len().is_multiple_of(2) || nodes.len() >= RIGHT as usize {
-            return Err(vec![TreeFault::NodeCount { nodes: nodes.len() }]);
+        let mut decoder = Decoder::new(nodes.len(), 0)?;
+        decoder.push(nodes);
+        decoder.finish()
+    }
+}
+
+/// [`Bvh::from_device`] of nodes that come in pieces, so that they need not all be there at once.
+pub(crate) struct Decoder {
+    internal: u32,
+    /// Links of the nodes that came, upwards.
+    ups: Vec<u32>,
+    /// Links of the internal nodes that came, downwards.
+    downs: Vec<u32>,
+    /// Boxes and triangles of the nodes that came; parents and children are not known yet.
+    tree: Bvh,
+}
+
+impl Decoder {
+    /// Nothing of `nodes` nodes has come yet. The tree gets room for `more` besides, so that who adds them need not copy it.
+    ///
+    /// # Errors
+    /// If no tree has so many.
+    pub(crate) fn new(nodes: usize, more: usize) -> Result<Self, Vec<TreeFault>> {
+        if nodes.is_multiple_of(2) || nodes >= RIGHT as usize {
+            return Err(vec![TreeFault::NodeCount { nodes }]);
         }
-        let internal = nodes.len() as u32 / 2;
-        let children = children(nodes, internal)?;
-        let node = |v: u32| {
-            let content = match children.pairs.get(v as usize) {
-                Some(&[left, right]) => Content::Internal { left, right },
-                None => Content::Leaf { first: v - internal, count: 1 },
-            };
-            BvhNode { aabb: nodes[v as usize].aabb(), parent: children.parents[v as usize], content }
-        };
-        let tree = Self {
-            nodes: (0..nodes.len() as u32).map(node).collect(),
-            triangle_order: nodes[internal as usize..].iter().map(|leaf| leaf.down).collect(),
-        };
+        let internal = nodes / 2;
+        let tree = Bvh { nodes: Vec::with_capacity(nodes + more), triangle_order: Vec::with_capacity(internal + 1) };
+        let (ups, downs) = (Vec::with_capacity(nodes), Vec::with_capacity(internal));
+        Ok(Self { internal: internal as u32, ups, downs, tree })
+    }
+
+    /// Takes the next nodes.
+    pub(crate) fn push(&mut self, nodes: &[Node]) {
+        for node in nodes {
+            let v = self.ups.len() as u32;
+            self.ups.push(node.up);
+            if v < self.internal {
+                self.downs.push(node.down);
+            } else {
+                self.tree.triangle_order.push(node.down);
+            }
+            let content = Content::Leaf { first: v.saturating_sub(self.internal), count: 1 };
+            self.tree.nodes.push(BvhNode { aabb: node.aabb(), parent: NO_NODE, content });
+        }
+    }
+
+    /// The tree, when all nodes have come.
+    ///
+    /// # Errors
+    /// As [`Bvh::from_device`].
+    pub(crate) fn finish(self) -> Result<Bvh, Vec<TreeFault>> {
+        // The check takes as much again as the links of the device, which are gone by then.
+        let tree = self.linked()?;
         let faults = structure_faults(&tree);
         if faults.is_empty() { Ok(tree) } else { Err(faults) }
     }
-}
 
-/// The links in both directions.
-struct Children {
-    /// Left and right child of each internal node.
-    pairs: Vec<[u32; 2]>,
-    /// Parent of each node.
-    parents: Vec<u32>,
-}
-
-fn children(nodes: &[Node], internal: u32) -> Result<Children, Vec<TreeFault>> {
-    let mut faults = Vec::new();
-    let mut parents = vec![NO_NODE; nodes.len()];
-    let mut pairs = Vec::with_capacity(internal as usize);
-    if nodes[ROOT as usize].up != NO_NODE {
-        faults.push(TreeFault::RootParent { parent: nodes[ROOT as usize].up & !RIGHT });
-    }
-    for p in 0..internal {
-        match pair(nodes, p) {
-            Err(fault) => faults.push(fault),
-            Ok(pair) => {
-                // The right child names its parent, and the left one its right sibling: no node can be the child of two.
-                pair.iter().for_each(|&child| parents[child as usize] = p);
-                pairs.push(pair);
+    /// The tree with its links in both directions.
+    fn linked(mut self) -> Result<Bvh, Vec<TreeFault>> {
+        let mut faults = Vec::new();
+        let root = self.ups[ROOT as usize];
+        if root != NO_NODE {
+            faults.push(TreeFault::RootParent { parent: root & !RIGHT });
+        }
+        for p in 0..self.internal {
+            match self.pair(p) {
+                Err(fault) => faults.push(fault),
+                Ok([left, right]) => {
+                    // The right child names its parent, and the left one its right sibling: no node can be the child of two.
+                    self.tree.nodes[left as usize].parent = p;
+                    self.tree.nodes[right as usize].parent = p;
+                    self.tree.nodes[p as usize].content = Content::Internal { left, right };
+                }
             }
         }
+        let orphans = (0..).zip(&self.tree.nodes).skip(1).filter(|(_, node)| node.parent == NO_NODE);
+        faults.extend(orphans.map(|(node, _)| TreeFault::Orphan { node }));
+        if faults.is_empty() { Ok(self.tree) } else { Err(faults) }
     }
-    let orphans = (ROOT + 1..nodes.len() as u32).filter(|&v| parents[v as usize] == NO_NODE);
-    faults.extend(orphans.map(|node| TreeFault::Orphan { node }));
-    if faults.is_empty() { Ok(Children { pairs, parents }) } else { Err(faults) }
-}
 
-/// Children of `p`, if the thread leads from the one to the other and back.
-fn pair(nodes: &[Node], p: u32) -> Result<[u32; 2], TreeFault> {
-    let child = |link, value: u32| {
-        let count = nodes.len() as u32;
-        if value >= count {
-            Err(TreeFault::LinkOutOfRange { node: p, link, value, nodes: count })
-        } else if value == ROOT {
-            Err(TreeFault::RootIsChild { node: p })
-        } else {
-            Ok(value)
+    /// Children of `p`, if the thread leads from the one to the other and back.
+    fn pair(&self, p: u32) -> Result<[u32; 2], TreeFault> {
+        let child = |link, value: u32| {
+            let count = self.ups.len() as u32;
+            if value >= count {
+                Err(TreeFault::LinkOutOfRange { node: p, link, value, nodes: count })
+            } else if value == ROOT {
+                Err(TreeFault::RootIsChild { node: p })
+            } else {
+                Ok(value)
+            }
+        };
+        let left = child(Link::Left, self.downs[p as usize])?;
+        let up = self.ups[left as usize];
+        if up & RIGHT != 0 {
+            return Err(TreeFault::Thread { node: p, child: left, up });
         }
-    };
-    let left = child(Link::Left, nodes[p as usize].down)?;
-    let up = nodes[left as usize].up;
-    if up & RIGHT != 0 {
-        return Err(TreeFault::Thread { node: p, child: left, up });
+        let right = child(Link::Right, up)?;
+        let up = self.ups[right as usize];
+        if up != p | RIGHT {
+            return Err(TreeFault::Thread { node: p, child: right, up });
+        }
+        Ok([left, right])
     }
-    let right = child(Link::Right, up)?;
-    let up = nodes[right as usize].up;
-    if up != p | RIGHT {
-        return Err(TreeFault::Thread { node: p, child: right, up });
-    }
-    Ok([left, right])
 }
 
 #[cfg(test)]
@@ -112,6 +143,16 @@ mod tests {
                     assert_eq!(tree.triangle_order[first as usize], nodes[v].down);
                 }
             }
+        }
+    }
+
+    #[test]
+    fn pieces_of_any_length_make_the_same_tree() {
+        let (_, nodes) = device_tree(50, &mut Rng::new(1));
+        for piece in [1, 7, 49, 50, 98] {
+            let mut decoder = Decoder::new(nodes.len(), 0).unwrap();
+            nodes.chunks(piece).for_each(|piece| decoder.push(piece));
+            assert_eq!(decoder.finish(), Bvh::from_device(&nodes), "pieces of {piece}");
         }
     }
 

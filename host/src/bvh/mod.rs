@@ -25,6 +25,7 @@ mod refit;
 pub(crate) mod testing;
 mod validate;
 
+pub(crate) use decode::Decoder;
 pub use encode::EncodeError;
 pub use epo::epo;
 pub use fault::{Link, TreeFault, summary};

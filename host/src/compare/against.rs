@@ -34,6 +34,7 @@ mod tests {
             build_device_s: None,
             rows: points.iter().map(row).collect(),
             phases: Vec::new(),
+            plan: Vec::new(),
         }
     }
 

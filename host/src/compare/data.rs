@@ -167,6 +167,9 @@ pub struct OptimizerRun {
     pub rows: Vec<IterationRow>,
     /// Device time by kind of work, the initial tree's included.
     pub phases: Vec<Phase>,
+    /// What its plan left out and why, a line each ([`crate::plan::Plan::lines`]); nothing of what is not planned.
+    #[serde(default)]
+    pub plan: Vec<String>,
 }
 
 impl OptimizerRun {

@@ -194,6 +194,7 @@ mod tests {
             build_device_s: Some(0.25 * build_s),
             rows: points.iter().map(row).collect(),
             phases: Vec::new(),
+            plan: Vec::new(),
         }
     }
 

@@ -86,6 +86,7 @@ mod tests {
             build_device_s: Some(0.5 * build_s),
             rows: vec![IterationRow { cost, ..IterationRow::default() }],
             phases: Vec::new(),
+            plan: Vec::new(),
         };
         let runs = vec![run("lbvh", 0, 0.5, 108.0), run("slow", 0, 3.0, 107.0), run("prbvh", 9, 2.0, 100.0)];
         let (name, hash, pictures, rows) = ("hall".to_owned(), String::new(), Vec::new(), Vec::new());

@@ -82,6 +82,7 @@ impl<'a> Subject<'a> {
             },
             build_device_s: Some(seconds(&result.build_timings)),
             rows: result.outcome.rows,
+            plan: result.plan.lines(),
             ..run_of_builder(&result.quality, result.build_s)
         };
         Ok(metered(&meter, result.tree, result.quality, result.build_s + result.optimize_s, run))
@@ -163,6 +164,7 @@ fn run_of_builder(quality: &Quality, build_s: f64) -> OptimizerRun {
         build_device_s: None,
         rows: vec![IterationRow { cost: quality.sah_cost, ..IterationRow::default() }],
         phases: Vec::new(),
+        plan: Vec::new(),
     }
 }
 

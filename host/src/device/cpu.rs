@@ -74,8 +74,8 @@ impl Device for CpuDevice {
         Ok(())
     }
 
-    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
-        bytes.copy_from_slice(&self.sim.bytes(id(buffer))[..bytes.len()]);
+    fn download_from(&mut self, buffer: &Buffer, first: usize, bytes: &mut [u8]) -> Result<(), DeviceError> {
+        bytes.copy_from_slice(&self.sim.bytes(id(buffer))[first..][..bytes.len()]);
         Ok(())
     }
 

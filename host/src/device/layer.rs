@@ -37,12 +37,12 @@ pub trait Layer {
         self.inner_mut().upload(buffer, bytes)
     }
 
-    /// [`Device::download`].
+    /// [`Device::download_from`], which [`Device::download`] is, too.
     ///
     /// # Errors
     /// As there.
-    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
-        self.inner_mut().download(buffer, bytes)
+    fn download_from(&mut self, buffer: &Buffer, first: usize, bytes: &mut [u8]) -> Result<(), DeviceError> {
+        self.inner_mut().download_from(buffer, first, bytes)
     }
 
     /// [`Device::run`].
@@ -81,8 +81,8 @@ impl<T: Layer> Device for T {
         Layer::upload(self, buffer, bytes)
     }
 
-    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
-        Layer::download(self, buffer, bytes)
+    fn download_from(&mut self, buffer: &Buffer, first: usize, bytes: &mut [u8]) -> Result<(), DeviceError> {
+        Layer::download_from(self, buffer, first, bytes)
     }
 
     fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {

@@ -3,6 +3,7 @@
 pub mod cpu;
 mod layer;
 mod lease;
+mod pieces;
 pub mod record;
 mod select;
 pub mod vulkan;
@@ -10,6 +11,7 @@ mod watched;
 
 pub use layer::Layer;
 pub(crate) use lease::Lease;
+pub(crate) use pieces::read_pieces;
 pub use record::{Buffer, Command, Dispatch, Recording};
 pub use select::{DeviceChoice, NoSuchChoice, open};
 pub(crate) use watched::Watched;
@@ -36,11 +38,19 @@ pub trait Device {
     /// If the device fails.
     fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError>;
 
+    /// Copies `bytes.len()` bytes of the buffer out, from byte `first` on.
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn download_from(&mut self, buffer: &Buffer, first: usize, bytes: &mut [u8]) -> Result<(), DeviceError>;
+
     /// Copies the first `bytes.len()` bytes of the buffer out.
     ///
     /// # Errors
     /// If the device fails.
-    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError>;
+    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
+        self.download_from(buffer, 0, bytes)
+    }
 
     /// Runs the commands one after another, each seeing all that the earlier ones wrote. Returns how long each took.
     ///

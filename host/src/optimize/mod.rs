@@ -15,6 +15,7 @@ pub use dual::MoveKind;
 pub use limits::Limits;
 pub use moves::Strategy;
 pub use prbvh::{Outcome, prbvh};
+pub(crate) use rbvh::rbvh_of;
 pub use rbvh::{RbvhSettings, RbvhTree, rbvh};
 pub use schedule::{Epsilon, Order, PrbvhSettings, StopReason};
 

@@ -9,20 +9,21 @@ use std::ops::ControlFlow;
 
 type Observe<'a> = &'a mut dyn FnMut(&IterationRow, CurrentTree<'_>) -> ControlFlow<()>;
 
-/// Runs RBVH on the device's tree.
+/// Runs RBVH on the device's tree, which comes back as another: the device holds none meanwhile.
 pub(super) fn rbvh(
-    tree: &DeviceTree,
+    tree: DeviceTree,
     device: &mut dyn Device,
     settings: &RbvhSettings,
     observe: Observe<'_>,
-) -> Result<Outcome, PipelineError> {
-    let mut nodes = tree.download(device)?;
-    let outcome =
-        optimize::rbvh(&mut nodes, settings, &mut |row, tree| observe(row, CurrentTree::Host(tree))).map_err(
-            |faults| PipelineError::InvalidTree { stage: "builder", device: device.info().name.clone(), faults },
-        )?;
-    device.upload(&tree.nodes, bytemuck::cast_slice(&nodes))?;
-    Ok(outcome)
+) -> Result<(DeviceTree, Outcome), PipelineError> {
+    let decoded = tree.decode(device, 0)?.map_err(|faults| PipelineError::InvalidTree {
+        stage: "builder",
+        device: device.info().name.clone(),
+        faults,
+    })?;
+    tree.free(device);
+    let (nodes, outcome) = optimize::rbvh_of(decoded, settings, &mut |row, tree| observe(row, CurrentTree::Host(tree)));
+    Ok((DeviceTree::upload(device, &nodes)?, outcome))
 }
 
 /// What is said of a tree that nothing optimised.

@@ -169,7 +169,7 @@ impl Device for DryDevice {
         Ok(())
     }
 
-    fn download(&mut self, _: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
+    fn download_from(&mut self, _: &Buffer, _: usize, bytes: &mut [u8]) -> Result<(), DeviceError> {
         bytes.fill(0);
         Ok(())
     }

@@ -84,10 +84,12 @@ impl Scene {
     }
 
     /// A scene of triangles that are finite and not too many.
-    fn screened(name: String, source: String, triangles: Vec<Triangle>) -> Result<Self, SceneError> {
+    fn screened(name: String, source: String, mut triangles: Vec<Triangle>) -> Result<Self, SceneError> {
         if triangles.is_empty() {
             return Err(SceneError::NoTriangles { file: if source == "library" { name } else { source } });
         }
+        // A reader does not know how many will come, and they stay for the whole run.
+        triangles.shrink_to_fit();
         let (census, hash) = rayon::join(|| Census::of(&triangles), || hash(&triangles));
         Ok(Self { name, source, triangles, census, hash, attribute_bytes: 0 })
     }

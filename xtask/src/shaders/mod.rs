@@ -19,6 +19,7 @@ mod tools;
 use crate::repo;
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use compiler::{Compiler, Fetch};
 use manifest::Manifest;
 use prbvh_kernel::Kernel;
@@ -38,21 +39,26 @@ pub(crate) struct BuildShaders {
     #[arg(long)]
     check: bool,
     /// Folder of a rust-gpu 0.10.0 compiler (bin/rustc, bin/cargo, lib/librustc_codegen_spirv.so).
-    #[arg(long, value_name = "DIR", env = "RUST_GPU_DIR")]
+    // clap refuses an empty path, but an empty variable is how a shell or a workflow says that there is none.
+    #[arg(long, value_name = "DIR", env = "RUST_GPU_DIR", value_parser = OsStringValueParser::new().map(PathBuf::from))]
     rust_gpu_dir: Option<PathBuf>,
 }
 
 impl BuildShaders {
+    /// The folder that was named; an empty name is none.
+    fn folder(&self) -> Option<&Path> {
+        self.rust_gpu_dir.as_deref().filter(|folder| !folder.as_os_str().is_empty())
+    }
+
     /// # Errors
     /// Names what is missing, what does not compile, or each module and what is wrong with it.
     pub(crate) fn run(self) -> Result<()> {
         let root = repo::root()?;
         let folder = root.join("kernel/spv");
         if self.check {
-            return check(&root, &folder, self.rust_gpu_dir.as_deref());
+            return check(&root, &folder, self.folder());
         }
-        let compiler = compiler::find(&root, self.rust_gpu_dir.as_deref(), Fetch::Allowed)?
-            .with_context(|| compiler::NOT_FOUND)?;
+        let compiler = compiler::find(&root, self.folder(), Fetch::Allowed)?.with_context(|| compiler::NOT_FOUND)?;
         let (manifest, modules) = build(&root, &compiler)?;
         manifest.write(&folder, &modules)?;
         let bytes: usize = modules.values().map(Vec::len).sum();
@@ -138,6 +144,21 @@ fn no_faults(faults: &[String]) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use clap::FromArgMatches;
+
+    /// What an environment variable says goes through the same parser.
+    #[test]
+    fn an_empty_name_of_a_folder_is_none() {
+        let command = BuildShaders::augment_args(clap::Command::new("build-shaders"));
+        let argument = command.get_arguments().find(|argument| argument.get_id() == "rust_gpu_dir").unwrap();
+        assert_eq!(argument.get_env().unwrap(), "RUST_GPU_DIR");
+        let folder = |name: &str| {
+            let matches = command.clone().try_get_matches_from(["build-shaders", "--rust-gpu-dir", name]).unwrap();
+            BuildShaders::from_arg_matches(&matches).unwrap().folder().map(Path::to_owned)
+        };
+        assert_eq!(folder(""), None);
+        assert_eq!(folder("a b"), Some(PathBuf::from("a b")));
+    }
 
     fn modules(list: &[(&str, &[u8])]) -> Modules {
         list.iter().map(|&(name, bytes)| (name.to_owned(), bytes.to_vec())).collect()

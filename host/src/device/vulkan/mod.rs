@@ -154,13 +154,13 @@ impl VulkanDevice {
         self.staging.upload(&mut self.submitter, allocation.buffer(), bytes)
     }
 
-    fn copy_out(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
-        let allocation = self.buffers.find_mut(buffer, bytes.len())?;
+    fn copy_out(&mut self, buffer: &Buffer, first: usize, bytes: &mut [u8]) -> Result<(), DeviceError> {
+        let allocation = self.buffers.find_mut(buffer, first.saturating_add(bytes.len()))?;
         if let Some(content) = allocation.mapped() {
-            bytes.copy_from_slice(&content[..bytes.len()]);
+            bytes.copy_from_slice(&content[first..][..bytes.len()]);
             return Ok(());
         }
-        self.staging.download(&mut self.submitter, allocation.buffer(), bytes)
+        self.staging.download(&mut self.submitter, (allocation.buffer(), first as u64), bytes)
     }
 }
 
@@ -189,8 +189,8 @@ impl Device for VulkanDevice {
         self.validated(done)
     }
 
-    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
-        let done = self.copy_out(buffer, bytes);
+    fn download_from(&mut self, buffer: &Buffer, first: usize, bytes: &mut [u8]) -> Result<(), DeviceError> {
+        let done = self.copy_out(buffer, first, bytes);
         self.validated(done)
     }
 

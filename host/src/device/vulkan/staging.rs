@@ -41,15 +41,14 @@ impl Staging {
         Ok(())
     }
 
-    /// Copies the start of a buffer, which is at least as large, to `bytes`.
+    /// Fills `bytes` from some byte of a buffer on, which reaches at least as far.
     pub(super) fn download(
         &mut self,
         submitter: &mut Submitter,
-        from: vk::Buffer,
+        (from, mut offset): (vk::Buffer, u64),
         bytes: &mut [u8],
     ) -> Result<(), DeviceError> {
         let size = self.reserve(bytes.len())?;
-        let mut offset = 0;
         for piece in bytes.chunks_mut(size) {
             let region = vk::BufferCopy { src_offset: offset, dst_offset: 0, size: piece.len() as u64 };
             copy(submitter, from, self.window.buffer(), region)?;

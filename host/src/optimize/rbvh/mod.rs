@@ -17,7 +17,7 @@ pub use tree::RbvhTree;
 
 use super::prbvh::cost_of_areas;
 use super::{IterationRow, Limits, Outcome, StopReason, set_relative_errors};
-use crate::bvh::TreeFault;
+use crate::bvh::{Bvh, TreeFault};
 use crate::device::Timing;
 use prbvh_kernel::node::Node;
 use rows::Rows;
@@ -80,13 +80,25 @@ pub fn rbvh(
     settings: &RbvhSettings,
     observe: &mut dyn FnMut(&IterationRow, &RbvhTree) -> ControlFlow<()>,
 ) -> Result<Outcome, Vec<TreeFault>> {
-    let mut run = Run::new(nodes, settings)?;
+    let (best, outcome) = rbvh_of(Bvh::from_device(nodes)?, settings, observe);
+    nodes.copy_from_slice(&best);
+    Ok(outcome)
+}
+
+/// [`rbvh`] of a tree as [`Bvh::from_device`] makes it, which is freed as soon as it has been read.
+pub(crate) fn rbvh_of(
+    tree: Bvh,
+    settings: &RbvhSettings,
+    observe: &mut dyn FnMut(&IterationRow, &RbvhTree) -> ControlFlow<()>,
+) -> (Vec<Node>, Outcome) {
+    let mut run = Run::new(tree, settings);
     let (mut rows, stop) = run.run(settings, observe);
-    run.tree.restore();
-    nodes.copy_from_slice(&run.tree.nodes());
     set_relative_errors(&mut rows);
-    let working_bytes = run.tree.bytes() + run.search.bytes() + run.selection.bytes();
-    Ok(Outcome { rows, stop, timings: run.timings, working_bytes })
+    let Run { mut tree, selection, search, timings, .. } = run;
+    let working_bytes = tree.bytes() + search.bytes() + selection.bytes();
+    drop((selection, search));
+    tree.restore();
+    (tree.nodes(), Outcome { rows, stop, timings, working_bytes })
 }
 
 struct Run {
@@ -98,12 +110,12 @@ struct Run {
 }
 
 impl Run {
-    fn new(nodes: &[Node], settings: &RbvhSettings) -> Result<Self, Vec<TreeFault>> {
+    fn new(tree: Bvh, settings: &RbvhSettings) -> Self {
         let start = Instant::now();
-        let tree = RbvhTree::new(nodes)?;
+        let tree = RbvhTree::new(tree);
         let selection = Selection::new(&tree, settings.batch, settings.seed);
         let search = Search::new(tree.internal());
-        Ok(Self { start, tree, selection, search, timings: Vec::new() })
+        Self { start, tree, selection, search, timings: Vec::new() }
     }
 
     fn run(

@@ -10,7 +10,7 @@ use proptest::prelude::*;
 
 fn tree_of(n: usize, seed: u64) -> (Vec<Triangle>, RbvhTree) {
     let (triangles, nodes) = device_tree(n, &mut Rng::new(seed));
-    (triangles, RbvhTree::new(&nodes).unwrap())
+    (triangles, RbvhTree::new(Bvh::from_device(&nodes).unwrap()))
 }
 
 fn checked(tree: &RbvhTree, triangles: &[Triangle]) -> Bvh {
@@ -141,7 +141,7 @@ proptest! {
                 tree.undo(mark);
                 prop_assert_eq!(&tree.nodes(), &before);
                 prop_assert_eq!(tree.internal_area(), area);
-                let again = RbvhTree::new(&before).unwrap();
+                let again = RbvhTree::new(Bvh::from_device(&before).unwrap());
                 for v in 0..before.len() as u32 {
                     prop_assert_eq!((again.parent(v), again.half_area(v)), (tree.parent(v), tree.half_area(v)));
                 }
@@ -203,7 +203,7 @@ fn a_child_without_area_does_not_make_its_parent_infinitely_bad() {
     for (leaf, triangle) in nodes[19..].iter_mut().zip(&triangles) {
         (leaf.min, leaf.max) = (triangle.aabb().min, triangle.aabb().max);
     }
-    let tree = RbvhTree::new(&nodes).unwrap();
+    let tree = RbvhTree::new(Bvh::from_device(&nodes).unwrap());
     let mut selection = Selection::new(&tree, 1.0, 0);
     selection.pick_worst(&tree);
     assert_eq!(selection.batch.len(), eligible(&tree).len());

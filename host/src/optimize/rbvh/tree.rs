@@ -1,6 +1,6 @@
 //! The tree that RBVH works on: links in both directions, boxes, and the sum of areas that the cost is made of.
 
-use crate::bvh::{Bvh, Content, NO_NODE, ROOT, TreeFault};
+use crate::bvh::{Bvh, Content, NO_NODE, ROOT};
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::node::{Node, RIGHT};
 
@@ -49,12 +49,9 @@ pub(super) struct Branch {
 const _: () = assert!(size_of::<Branch>() == 32);
 
 impl RbvhTree {
-    /// Reads `nodes[2n-1]` as a device leaves them; boxes of internal nodes are computed anew.
-    ///
-    /// # Errors
-    /// All faults of the links.
-    pub(super) fn new(nodes: &[Node]) -> Result<Self, Vec<TreeFault>> {
-        let bvh = Bvh::from_device(nodes)?;
+    /// From a tree as [`Bvh::from_device`] makes it; boxes of internal nodes are computed anew.
+    pub(super) fn new(bvh: Bvh) -> Self {
+        let Bvh { nodes, triangle_order } = bvh;
         let branch = |node: &crate::bvh::BvhNode| Branch {
             aabb: node.aabb,
             children: match node.content {
@@ -63,19 +60,20 @@ impl RbvhTree {
             },
         };
         let mut tree = Self {
-            nodes: bvh.nodes.iter().map(branch).collect(),
-            parents: bvh.nodes.iter().map(|node| node.parent).collect(),
-            areas: bvh.nodes.iter().map(|node| node.aabb.half_area()).collect(),
-            references: bvh.triangle_order,
+            parents: nodes.iter().map(|node| node.parent).collect(),
+            areas: nodes.iter().map(|node| node.aabb.half_area()).collect(),
+            nodes: nodes.iter().map(branch).collect(),
+            references: triangle_order,
             internal_area: 0.0,
             leaf_area: 0.0,
             journal: Vec::new(),
             changes: Vec::new(),
         };
+        drop(nodes);
         tree.refit_all();
         let leaves = &tree.nodes[tree.internal() as usize..];
         tree.leaf_area = leaves.iter().map(|leaf| area(&leaf.aabb)).sum();
-        Ok(tree)
+        tree
     }
 
     /// The tree as a device takes it.

@@ -117,6 +117,7 @@ mod tests {
             build_device_s: None,
             rows: vec![IterationRow::default()],
             phases: Vec::new(),
+            plan: Vec::new(),
         }
     }
 

@@ -7,6 +7,7 @@ mod columns;
 mod data;
 mod errors;
 mod names;
+mod plan;
 mod view;
 
 use super::figures::{self, Figure};

@@ -2,6 +2,7 @@
 
 use super::columns::{Better, COLUMNS, Cell, Column};
 use super::errors::ErrorsView;
+use super::plan::{PlanLine, plan_lines};
 use super::{Drawn, data, names};
 use crate::compare::{Comparison, MethodRow, Picture, SceneComparison};
 use crate::device::{DeviceInfo, DeviceKind};
@@ -38,6 +39,7 @@ struct SceneView<'a> {
     columns: Vec<&'static Column>,
     rows: Vec<RowView<'a>>,
     errors: Option<ErrorsView>,
+    plan: Vec<PlanLine>,
     figures: Vec<FigureView<'a>>,
     pictures: Vec<PictureView<'a>>,
 }
@@ -168,6 +170,7 @@ fn scene_view<'a>(k: usize, scene: &'a SceneComparison, drawn: &'a Drawn) -> Sce
         columns,
         rows,
         errors: ErrorsView::of(scene),
+        plan: plan_lines(scene),
         figures: drawn.figures.iter().map(|(file, figure)| figure_view(file, figure)).collect(),
         pictures: pictures.collect(),
     }

@@ -96,6 +96,11 @@ fn bytes_come_back_as_they_went() {
             let mut after = vec![0; length];
             device.download(&buffer, &mut after).unwrap();
             assert!(after[..half].iter().all(|&byte| byte == 9) && after[half..] == bytes[half..]);
+            for first in [half / 3, half, length] {
+                let mut part = vec![0; (length - first).div_ceil(2)];
+                device.download_from(&buffer, first, &mut part).unwrap();
+                assert!(part == after[first..][..part.len()], "{} bytes from {first} on differ", part.len());
+            }
             device.free(buffer);
         }
     });
@@ -273,6 +278,7 @@ fn buffers_of_nobody_are_refused() {
     let too_long = device.upload(&buffer, &[0; 41]).unwrap_err();
     assert_eq!(too_long.to_string(), "buffer words: 41 bytes wanted, but it has 40");
     assert!(device.download(&buffer, &mut [0; 41]).is_err());
+    assert!(device.download_from(&buffer, 30, &mut [0; 11]).is_err());
 
     let foreign = Buffer { label: "foreign", ..buffer.clone() };
     device.free(foreign.clone());

@@ -47,7 +47,7 @@ fn a_pipeline_is_made_when_its_kernel_is_first_run() {
     let mut device = open(options(Access::WherePossible));
     assert!(device.runner.pipelines().made().is_empty());
     let mut watched = Watched::new(&mut device);
-    let (tree, _) = lbvh(&mut watched, &soup(300), MortonBits::Thirty).unwrap();
+    let (tree, _) = lbvh(&mut watched, soup(300), MortonBits::Thirty).unwrap();
     tree.free(&mut watched);
     let ran = watched.kernels();
     assert!(!ran.is_empty() && ran.len() < Kernel::ALL.len());

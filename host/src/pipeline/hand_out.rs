@@ -1,0 +1,62 @@
+//! Trees that leave a device: validated, in the boxes of the scene, measured.
+//!
+//! A whole run takes most memory here. So nothing is kept that is not needed: nodes come in pieces, links are made in place.
+
+use super::{PipelineError, working_triangles};
+use crate::build::DeviceTree;
+use crate::bvh::{self, Bvh, Quality, SahModel, TreeFault};
+use crate::collapse::{CollapseSettings, collapse};
+use crate::device::{Device, DeviceInfo, Timing};
+use crate::fold::Fold;
+use crate::scene::Scene;
+
+/// The device's tree, unfolded, with the boxes of the original triangles, validated.
+pub(super) fn hand_out(
+    (tree, fold): (&DeviceTree, Option<&Fold>),
+    scene: &Scene,
+    device: &mut dyn Device,
+    stage: &'static str,
+) -> Result<(Bvh, Quality), PipelineError> {
+    let decoded = tree.decode(device, fold.map_or(0, |fold| 2 * fold.folded()))?;
+    let decoded = match fold {
+        Some(fold) => decoded.map(|tree| fold.unfold(tree)),
+        None => decoded,
+    };
+    measured(decoded, scene, device.info(), stage, &SahModel::default())
+}
+
+/// A decoded tree with the boxes of the original triangles, validated, and its quality.
+fn measured(
+    decoded: Result<Bvh, Vec<TreeFault>>,
+    scene: &Scene,
+    device: &DeviceInfo,
+    stage: &'static str,
+    sah: &SahModel,
+) -> Result<(Bvh, Quality), PipelineError> {
+    let invalid = |faults| PipelineError::InvalidTree { stage, device: device.name.clone(), faults };
+    let tree = decoded.map_err(invalid)?.with_boxes_of(&scene.triangles);
+    bvh::validate(&tree, Some(&scene.triangles)).map_err(invalid)?;
+    let quality = bvh::quality(&tree, sah);
+    Ok((tree, quality))
+}
+
+/// A tree over all triangles, in working coordinates, on the device.
+pub(super) fn upload_unfolded(tree: Bvh, scene: &Scene, device: &mut dyn Device) -> Result<DeviceTree, PipelineError> {
+    let tree = tree.with_boxes_of(&working_triangles(scene, device));
+    let nodes = tree.to_device()?;
+    drop(tree);
+    Ok(DeviceTree::upload(device, &nodes)?)
+}
+
+/// The device's tree with adaptive leaves, validated.
+pub(super) fn hand_out_collapsed(
+    tree: &DeviceTree,
+    scene: &Scene,
+    device: &mut dyn Device,
+    settings: &CollapseSettings,
+) -> Result<(Bvh, Quality, Vec<Timing>), PipelineError> {
+    let mut collapsed = collapse(device, tree, settings)?;
+    let timings = std::mem::take(&mut collapsed.timings);
+    let (tree, quality) = measured(Ok(collapsed.free(device)), scene, device.info(), "collapse", &settings.sah)?;
+    Ok((tree, quality, timings))
+}

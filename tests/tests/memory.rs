@@ -1,0 +1,84 @@
+//! Most memory of a whole run: scene, device, validation and the tree handed out.
+
+use peak_alloc::PeakAlloc;
+use prbvh::build::{DEFAULT_RADIUS, TreeletSize};
+use prbvh::collapse::CollapseSettings;
+use prbvh::device::Device;
+use prbvh::device::cpu::CpuDevice;
+use prbvh::optimize::{CurrentTree, IterationRow, Limits, MoveKind, Order, PrbvhSettings, RbvhSettings, Strategy};
+use prbvh::pipeline::{Initial, Optimizer, Settings, optimize_watched};
+use prbvh::plan::Plan;
+use prbvh::scene::built_in;
+use std::ops::ControlFlow;
+use std::sync::{Mutex, PoisonError};
+
+#[global_allocator]
+static ALLOCATOR: PeakAlloc = PeakAlloc;
+
+/// One run at a time: all of them share the count.
+static RUN: Mutex<()> = Mutex::new(());
+
+const TRIANGLES: usize = 100_000;
+/// Most bytes a triangle, input included.
+const MOST: usize = 250;
+
+fn of_prbvh(prbvh: PrbvhSettings) -> Settings {
+    Settings { prbvh: PrbvhSettings { limits: Limits::iterations(3), ..prbvh }, ..Settings::default() }
+}
+
+/// Most bytes a triangle at any time from before the scene is there until the tree is handed out.
+fn peak(settings: &Settings, observe: &mut dyn FnMut(&IterationRow, CurrentTree<'_>) -> ControlFlow<()>) -> usize {
+    let before = ALLOCATOR.current_usage();
+    let scene = built_in(TRIANGLES);
+    // What the benchmark measures, too: a run, not how its scene came about.
+    ALLOCATOR.reset_peak_usage();
+    let mut device = CpuDevice::new(2).unwrap();
+    let plan = Plan::of(&scene, device.info(), settings, &[]).unwrap();
+    let result = optimize_watched(plan, &scene, &mut device, settings, observe).unwrap();
+    let peak = ALLOCATOR.peak_usage() - before;
+    assert_eq!(result.tree.triangle_order.len(), TRIANGLES);
+    peak / TRIANGLES
+}
+
+#[test]
+fn a_whole_run_keeps_to_its_bytes() {
+    let _guard = RUN.lock().unwrap_or_else(PoisonError::into_inner);
+    let single = PrbvhSettings::default();
+    let with = |settings: &Settings, initial| Settings { initial, ..settings.clone() };
+    let default = of_prbvh(single.clone());
+    let adaptive = Some(CollapseSettings::default());
+    let rbvh = RbvhSettings { limits: Limits::iterations(1), ..RbvhSettings::default() };
+    let runs = [
+        ("by default", default.clone()),
+        ("conservative", of_prbvh(PrbvhSettings { strategy: Strategy::Conservative, ..single.clone() })),
+        ("largest first", of_prbvh(PrbvhSettings { order: Order::LargestFirst, ..single.clone() })),
+        ("dual", of_prbvh(PrbvhSettings { moves: MoveKind::Dual, ..single.clone() })),
+        ("ploc", with(&default, Initial::Ploc { radius: DEFAULT_RADIUS })),
+        ("atrbvh", with(&default, Initial::Atrbvh { treelet: TreeletSize::DEFAULT })),
+        ("sweep", with(&default, Initial::SahSweep)),
+        ("binned", with(&default, Initial::SahBinned)),
+        ("adaptive leaves", Settings { adaptive, ..default.clone() }),
+        ("folded", Settings { fold_duplicates: true, ..default.clone() }),
+        ("folded, adaptive leaves", Settings { fold_duplicates: true, adaptive, ..default.clone() }),
+        ("no optimiser", Settings { optimizer: Optimizer::None, ..default.clone() }),
+        ("rbvh", Settings { optimizer: Optimizer::Rbvh(rbvh), ..default.clone() }),
+    ];
+    let measured = runs.map(|(name, settings)| (name, peak(&settings, &mut |_, _| ControlFlow::Continue(()))));
+    eprintln!("bytes a triangle: {measured:?}");
+    let over: Vec<_> = measured.iter().filter(|(_, bytes)| *bytes > MOST).collect();
+    assert!(over.is_empty(), "more than {MOST} bytes a triangle: {over:?}");
+}
+
+#[test]
+fn a_planted_copy_of_the_tree_is_too_much() {
+    let _guard = RUN.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut copies = Vec::new();
+    let bytes = peak(&of_prbvh(PrbvhSettings::default()), &mut |_, mut tree| {
+        if copies.is_empty() {
+            copies.push(tree.nodes().unwrap());
+        }
+        ControlFlow::Continue(())
+    });
+    assert_eq!(copies.len(), 1);
+    assert!(bytes > MOST, "{bytes} bytes a triangle");
+}
