@@ -66,6 +66,42 @@ fn parent_of_right(up: u32) -> u32 {
     if up == NO_NODE { NO_NODE } else { up & !RIGHT }
 }
 
+/// Four words that a GPU loads at once.
+#[cfg_attr(target_arch = "spirv", rust_gpu::vector::v1)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+struct Words {
+    x: u32,
+    y: u32,
+    z: u32,
+    w: u32,
+}
+
+/// A [`Node`] as two vectors, for kernels that load whole nodes: where loads are made lane by lane, as on lavapipe, a vector costs little more than a
+/// word.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct NodeLines {
+    low: Words,
+    high: Words,
+}
+
+const _: () = assert!(size_of::<NodeLines>() == size_of::<Node>());
+
+impl NodeLines {
+    /// The node.
+    #[inline(always)]
+    pub fn node(self) -> Node {
+        let Self { low, high } = self;
+        Node {
+            min: [f32::from_bits(low.x), f32::from_bits(low.y), f32::from_bits(low.z)],
+            up: low.w,
+            max: [f32::from_bits(high.x), f32::from_bits(high.y), f32::from_bits(high.z)],
+            down: high.w,
+        }
+    }
+}
+
 /// A [`Node`] whose words many invocations may touch.
 #[repr(C)]
 pub struct AtomicNode {
