@@ -13,7 +13,7 @@ use crate::grid;
 use crate::lbvh::{self, HierarchyParams, LeavesParams};
 use crate::mem::{AtomicU32, AtomicU64, Slot};
 use crate::morton::{self, MortonParams};
-use crate::node::{AtomicNode, Node, NodeLines};
+use crate::node::{AtomicNode, Node, WideNode};
 use crate::ploc::merge::{self, MarkParams};
 use crate::ploc::nearest::{NearestParams, nearest};
 use crate::ploc::{self, Cluster, ClustersParams, Progress};
@@ -23,7 +23,7 @@ use crate::prbvh::decrease::{DecreaseParams, decrease};
 use crate::prbvh::dual::{self, check as dual_check, lock as dual_lock};
 use crate::prbvh::lock::{lock, lock_decrease, lock_input};
 use crate::prbvh::search::search;
-use crate::prbvh::walk::{self, WalkParams, Walked};
+use crate::prbvh::walk::{self, Pending, WalkParams};
 use crate::prbvh::{PrbvhParams, Reinsertion, candidates, paths, reinsert::reinsert};
 use crate::ray::{Hit, Ray};
 use crate::refit::{RefitParams, refit};
@@ -179,26 +179,24 @@ kernels! {
     };
 
     PrbvhList prbvh_list(params: PrbvhParams) [
-        0 nodes: &[Node], 1 walked: &[Slot<Walked>],
-    ] => |i| walk::list(params.input(i), params, nodes, &walked[i as usize]);
+        0 nodes: &[WideNode], 1 pending: &[Slot<Pending>],
+    ] => |i| walk::list(params.input(i), params, nodes, &pending[i as usize]);
 
     PrbvhListCandidates prbvh_list_candidates(params: PrbvhParams) [
-        0 nodes: &[Node], 1 candidates: &[u32], 2 walked: &[Slot<Walked>],
-    ] => |i| walk::list(candidates[params.input(i) as usize], params, nodes, &walked[i as usize]);
+        0 nodes: &[WideNode], 1 candidates: &[u32], 2 pending: &[Slot<Pending>],
+    ] => |i| walk::list(candidates[params.input(i) as usize], params, nodes, &pending[i as usize]);
 
     PrbvhWalk prbvh_walk(params: WalkParams) [
-        0 nodes: &[NodeLines], 1 walked: &[Slot<Walked>], 2 taken: &[AtomicU32], 3 report: &[AtomicU32],
-    ] => |_i| walk::walk(params, nodes, walked, taken, report);
+        0 nodes: &[WideNode], 1 pending: &[Slot<Pending>], 2 taken: &[AtomicU32], 3 report: &[AtomicU32],
+    ] => |_i| walk::walk(params, nodes, pending, taken, report);
 
     PrbvhConfirm prbvh_confirm(params: PrbvhParams) [
-        0 nodes: &[Node], 1 walked: &[Slot<Walked>], 2 report: &[AtomicU32],
-    ] => |i| {
-        walk::confirm(nodes, &walked[i as usize], report);
-    };
+        0 nodes: &[WideNode], 1 pending: &[Slot<Pending>], 2 report: &[AtomicU32],
+    ] => |i| _ = walk::confirm(nodes, &pending[i as usize], report);
 
     PrbvhConfirmTop prbvh_confirm_top(params: PrbvhParams) [
-        0 nodes: &[Node], 1 walked: &[Slot<Walked>], 2 tops: &[Slot<u32>], 3 report: &[AtomicU32],
-    ] => |i| tops[i as usize].set(walk::confirm(nodes, &walked[i as usize], report));
+        0 nodes: &[WideNode], 1 pending: &[Slot<Pending>], 2 tops: &[Slot<u32>], 3 report: &[AtomicU32],
+    ] => |i| tops[i as usize].set(walk::confirm(nodes, &pending[i as usize], report));
 
     PrbvhFlag prbvh_flag(params: PrbvhParams) [
         0 nodes: &[Node], 1 flags: &[Slot<u32>],
@@ -307,8 +305,7 @@ kernels! {
     ] => |i| dual::reinsert::reinsert(i, params, found, seconds, nodes, report);
 
     SnapshotSave snapshot_save(params: SnapshotParams) [
-        0 nodes: &[Node],
-        1 links: &[Slot<NodeLinks>],
+        0 nodes: &[Node], 1 links: &[Slot<NodeLinks>],
     ] => |i| snapshot::save(i, nodes, links);
 
     SnapshotRestore snapshot_restore(params: SnapshotParams) [

@@ -1,41 +1,42 @@
 //! The search of [`super::search`] for processors that run invocations in lockstep: the same outputs, bit for bit, in another order of work.
 //!
-//! Three kernels. [`list`] writes the input nodes; [`walk`] finds an output for each; [`confirm`] computes the area decrease of each again, directly.
+//! Three kernels: [`list`] writes the input nodes, [`walk`] finds an output for each, [`confirm`] computes the area decreases again, directly.
 //!
-//! The invocations of `walk` are *lanes* that outlive a search (persistent threads: Aila & Laine, *Understanding the Efficiency of Ray Traversal on
-//! GPUs*, 2009): one that is done takes the next input node from a common counter while its neighbours go on. A round of the one inner
-//! loop loads one node, as two vectors, and does with it whatever the lane is about. What is rare, to begin and to end a search, waits for every
-//! [`BURST`]-th round, because in lockstep all pay for what one does.
+//! The invocations of `walk` are *lanes* that outlive a search: one that is done takes the next input node from a common counter while its
+//! neighbours go on (persistent threads: Aila & Laine, *Understanding the Efficiency of Ray Traversal on GPUs*, 2009). In lockstep all pay for
+//! what one does, also for loads. So a round of the one inner loop loads one node, with one load, and does with it whatever the lane is about, by
+//! selections in place of branches; and to end a search and to begin another waits for every [`BURST`]-th round.
 //!
-//! Kind: `list` and `confirm` are maps. `walk` is a map, too: which lane does a search does not change what it finds.
+//! Kind: maps. Which lane of `walk` makes a search does not change what it finds.
 
 use super::candidates::largest_decrease;
 use super::search::{MAX_STEPS, checked_area_decrease};
 use super::{PrbvhParams, Reinsertion};
 use crate::aabb::Aabb;
-use crate::math::select;
+use crate::math::{select, umax};
 use crate::mem::{AtomicU32, Slot};
-use crate::node::{Links, NO_NODE, Node, NodeLines, RIGHT, ROOT};
+use crate::node::{Family, NO_NODE, RIGHT, ROOT, WholeNodes, WideNode};
 use crate::status::{self, FAULT_SEARCH_STEPS, FOUND, MOST_STEPS};
 use bytemuck::{Pod, Zeroable};
 
 /// Rounds between two chances to begin a search.
 pub const BURST: u32 = 32;
 
-/// Most rounds of a search: each step takes one, and may come with one upward or two to the next pivot.
+/// Most rounds of a search: to each step belong at most one way up, or two rounds to the next pivot.
 const MAX_ROUNDS: u32 = 3 * MAX_STEPS;
 /// Bursts that a search may last.
 const MAX_BURSTS: u32 = MAX_ROUNDS.div_ceil(BURST) + 1;
-/// Bursts of a lane. lavapipe leaves the loops of an invocation after 65,535 rounds of them all, without a word.
-const BURSTS: u32 = 65_000 / (BURST + 1);
-/// A lane begins no search in its last [`MAX_BURSTS`] bursts; so it does at least this many.
+/// Bursts of a lane. lavapipe leaves the loops of an invocation after 65,535 rounds of them all, without a word; each burst has one more round to end
+/// it, and one in the loop around it.
+const BURSTS: u32 = 60_000 / (BURST + 2);
+/// A lane begins no search in its last [`MAX_BURSTS`] bursts, so it makes at least as many.
 const SEARCHES_OF_A_LANE: u32 = (BURSTS - MAX_BURSTS) / MAX_BURSTS;
-const _: () = assert!(SEARCHES_OF_A_LANE >= 4);
+const _: () = assert!(SEARCHES_OF_A_LANE >= 3);
 
-/// What becomes of an input node, in the place of its [`Reinsertion`].
+/// A search on its way through the three kernels, in the place of the [`Reinsertion`] that it ends with.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Walked {
+pub struct Pending {
     /// The child of the pivot above the output; bits of the area decrease once it is confirmed.
     pub top: u32,
     /// The input node; [`NO_NODE`] if there is nothing to search.
@@ -44,9 +45,9 @@ pub struct Walked {
     pub output: u32,
 }
 
-const _: () = assert!(size_of::<Walked>() == size_of::<Reinsertion>());
+const _: () = assert!(size_of::<Pending>() == size_of::<Reinsertion>());
 
-/// [`Walked::output`] of an input node that no lane has taken.
+/// [`Pending::output`] of an input node that no lane has taken.
 pub const NOT_YET: u32 = NO_NODE - 1;
 
 /// Push constants of [`walk`].
@@ -78,18 +79,18 @@ impl WalkParams {
 
 /// Writes input node `input`, unless it cannot gain more than the floor.
 #[inline(always)]
-pub fn list(input: u32, params: &PrbvhParams, nodes: &[Node], walked: &Slot<Walked>) {
+pub fn list(input: u32, params: &PrbvhParams, nodes: &[WideNode], pending: &Slot<Pending>) {
     let searches =
         input != ROOT && input < params.nodes && (params.floor == 0.0 || largest_decrease(input, nodes) > params.floor);
-    walked.set(Walked { top: NO_NODE, input: if searches { input } else { NO_NODE }, output: NOT_YET });
+    pending.set(Pending { top: NO_NODE, input: if searches { input } else { NO_NODE }, output: NOT_YET });
 }
 
 /// Takes input nodes until there are none left. `taken[0]` counts them and starts at 0.
 #[inline(always)]
 pub fn walk(
     params: &WalkParams,
-    nodes: &[NodeLines],
-    walked: &[Slot<Walked>],
+    nodes: &[WideNode],
+    pending: &[Slot<Pending>],
     taken: &[AtomicU32],
     report: &[AtomicU32],
 ) {
@@ -102,16 +103,20 @@ pub fn walk(
     while goes_on && bursts < BURSTS {
         if search.at == NO_NODE {
             if place != NO_NODE {
-                walked[place as usize].set(Walked { top: search.best_top, input: search.input, output: search.output });
+                pending[place as usize].set(Pending {
+                    top: search.best_top,
+                    input: search.input,
+                    output: search.output,
+                });
             }
-            most_steps = crate::math::umax(most_steps, search.steps);
+            most_steps = umax(most_steps, search.steps);
             place = NO_NODE;
             goes_on = bursts + MAX_BURSTS < BURSTS;
             if goes_on {
                 let next = taken[0].arrive();
                 goes_on = next < params.searches;
                 if goes_on {
-                    let input = walked[next as usize].get().input;
+                    let input = pending[next as usize].get().input;
                     if input != NO_NODE {
                         place = next;
                         search = Walk::begin(input, params.floor, nodes);
@@ -126,7 +131,7 @@ pub fn walk(
         }
         bursts += 1;
     }
-    // A lane that was cut short.
+    // The device cut the loops short.
     if place != NO_NODE {
         status::raise(report, FAULT_SEARCH_STEPS);
     }
@@ -190,14 +195,10 @@ impl Walk {
     };
 
     #[inline(always)]
-    fn begin(input: u32, floor: f32, nodes: &[NodeLines]) -> Self {
-        let node = nodes[input as usize].node();
-        let is_left = node.is_left();
-        let link = node.up & !RIGHT;
-        let other = nodes[link as usize].node();
-        let sibling = select(is_left, link, other.down);
-        let parent = select(is_left, other.up & !RIGHT, link);
-        let parent_area = nodes[parent as usize].node().aabb().half_area();
+    fn begin(input: u32, floor: f32, nodes: &[WideNode]) -> Self {
+        let node = nodes.whole(input);
+        let Family { parent, sibling, parent_node, .. } = nodes.family(node);
+        let parent_area = parent_node.aabb().half_area();
         Self {
             at: sibling,
             input,
@@ -214,9 +215,9 @@ impl Walk {
     }
 
     #[inline(always)]
-    fn round(mut self, internal: u32, nodes: &[NodeLines]) -> Self {
+    fn round(mut self, internal: u32, nodes: &[WideNode]) -> Self {
         let at = self.at;
-        let node = nodes[at as usize].node();
+        let node = nodes.whole(at);
         let aabb = node.aabb();
         let area = aabb.half_area();
         let united_area = aabb.union(self.input_box).half_area();
@@ -229,15 +230,15 @@ impl Walk {
         let enters = self.does == ENTER;
 
         // The next pivot is known from its children, whichever is loaded.
-        let begins_top = visits && at == self.top;
-        self.pivot = select(begins_top && is_right, link, select(enters, at, self.pivot));
+        let begins_top = visits & (at == self.top);
+        self.pivot = select(begins_top & is_right, link, select(enters, at, self.pivot));
         let pivot_area = self.pivot_box.half_area();
-        self.d_pivot = select(leaves && at != self.parent, self.d_pivot + (area - pivot_area), self.d_pivot);
+        self.d_pivot = select(leaves & (at != self.parent), self.d_pivot + (area - pivot_area), self.d_pivot);
         self.pivot_box = Aabb::select(begins_top, self.pivot_box.union(aabb), self.pivot_box);
 
         self.steps += visits as u32;
         let decrease = self.d + (self.parent_area - united_area);
-        let is_better = visits && at != self.sibling && decrease > self.best;
+        let is_better = visits & (at != self.sibling) & (decrease > self.best);
         self.best = select(is_better, decrease, self.best);
         self.output = select(is_better, at, self.output);
         self.best_top = select(is_better, self.top, self.best_top);
@@ -245,23 +246,23 @@ impl Walk {
         // Written so that a NaN does not descend.
         let change = area - united_area;
         let d_below = self.d + change;
-        let descends = visits && at < internal && d_below + self.bound > self.best;
+        let descends = visits & (at < internal) & (d_below + self.bound > self.best);
 
         let is_top = at == self.top;
-        let turns = (visits && !descends) || ascends;
+        let turns = (visits & !descends) | ascends;
         let d_above = self.d - change;
         self.d = select(descends, d_below, select(ascends, d_above, self.d));
         // Where to, and what for.
         let next_top = select(enters, node.down, link);
-        let goes_to_top = enters || (leaves && !is_right);
-        let goes_to_pivot = turns && is_top;
+        let goes_to_top = enters | (leaves & !is_right);
+        let goes_to_pivot = turns & is_top;
         self.top = select(goes_to_top, next_top, self.top);
         self.d = select(goes_to_top, self.d_pivot, self.d);
-        let is_done = (goes_to_pivot && self.pivot == ROOT) || self.steps >= MAX_STEPS;
-        let on = select(descends || enters, node.down, select(goes_to_pivot, self.pivot, link));
+        let is_done = (goes_to_pivot & (self.pivot == ROOT)) | (self.steps >= MAX_STEPS);
+        let on = select(descends | enters, node.down, select(goes_to_pivot, self.pivot, link));
         self.at = select(is_done, NO_NODE, on);
         self.does =
-            select(goes_to_pivot, LEAVE, select(turns && is_right, ASCEND, select(leaves && is_right, ENTER, VISIT)));
+            select(goes_to_pivot, LEAVE, select(turns & is_right, ASCEND, select(leaves & is_right, ENTER, VISIT)));
         self
     }
 }
@@ -269,15 +270,15 @@ impl Walk {
 /// Makes a reinsertion of what was found for an input node, with the area decrease computed again; returns the child of the pivot above its
 /// output, as [`super::search::search`] does.
 #[inline(always)]
-pub fn confirm(nodes: &[Node], walked: &Slot<Walked>, report: &[AtomicU32]) -> u32 {
-    let Walked { top, input, output } = walked.get();
+pub fn confirm(nodes: &[WideNode], pending: &Slot<Pending>, report: &[AtomicU32]) -> u32 {
+    let Pending { top, input, output } = pending.get();
     let mut confirmed = Reinsertion::NONE;
     let mut confirmed_top = NO_NODE;
     if input != NO_NODE {
         if output == NOT_YET {
             status::raise(report, FAULT_SEARCH_STEPS);
         } else if output != NO_NODE {
-            let area_decrease = checked_area_decrease(input, output, nodes.parent(top), nodes);
+            let area_decrease = checked_area_decrease(input, output, nodes.family(nodes.whole(top)).parent, nodes);
             if area_decrease > 0.0 {
                 confirmed = Reinsertion { area_decrease, input, output };
                 confirmed_top = top;
@@ -285,6 +286,6 @@ pub fn confirm(nodes: &[Node], walked: &Slot<Walked>, report: &[AtomicU32]) -> u
             }
         }
     }
-    walked.set(Walked { top: confirmed.area_decrease.to_bits(), input: confirmed.input, output: confirmed.output });
+    pending.set(Pending { top: confirmed.area_decrease.to_bits(), input: confirmed.input, output: confirmed.output });
     confirmed_top
 }
