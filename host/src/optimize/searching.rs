@@ -81,3 +81,43 @@ impl Searching {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::Command;
+    use crate::device::cpu::CpuDevice;
+
+    fn buffer(label: &'static str, element_bytes: usize) -> Buffer {
+        Buffer { id: 0, label, length: 8, element_bytes }
+    }
+
+    #[test]
+    fn the_kernels_of_a_list_are_those_that_run() {
+        let mut info = CpuDevice::new(1).unwrap().info().clone();
+        let (nodes, list, found) = (buffer("nodes", 32), buffer("list", 4), buffer("found", 12));
+        let (tops, report) = (buffer("tops", 4), buffer("report", 4));
+        let params = PrbvhParams::every(1, 0, 8);
+        for (kind, searching) in [
+            (DeviceKind::Cpu, Searching::Alone),
+            (DeviceKind::VulkanGpu, Searching::Alone),
+            (DeviceKind::VulkanCpu, Searching::InLanes { taken: buffer("taken", 4) }),
+        ] {
+            info.kind = kind;
+            assert_eq!(is_in_lanes(&info), matches!(searching, Searching::InLanes { .. }));
+            for (strategy, tops) in [(Strategy::Aggressive, None), (Strategy::Conservative, Some(&tops))] {
+                let mut recording = Recording::new();
+                searching.record(&mut recording, &params, Some(&list), &nodes, &found, tops, &report);
+                let kernels: Vec<Kernel> = recording
+                    .commands()
+                    .iter()
+                    .filter_map(|(_, command)| match command {
+                        Command::Dispatch(dispatch) => Some(dispatch.kernel),
+                        _ => None,
+                    })
+                    .collect();
+                assert_eq!(kernels, kernels_of_list(&info, strategy));
+            }
+        }
+    }
+}
