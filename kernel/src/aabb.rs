@@ -1,6 +1,6 @@
 //! Axis-aligned boxes.
 
-use crate::math::{max, min};
+use crate::math::{max, min, select};
 use bytemuck::{Pod, Zeroable};
 
 /// An axis-aligned box: corners in scene units, 24 bytes.
@@ -24,6 +24,24 @@ impl Aabb {
         Self {
             min: [min(self.min[0], other.min[0]), min(self.min[1], other.min[1]), min(self.min[2], other.min[2])],
             max: [max(self.max[0], other.max[0]), max(self.max[1], other.max[1]), max(self.max[2], other.max[2])],
+        }
+    }
+
+    /// `a` if `condition`, else `b`, by coordinates.
+    #[inline(always)]
+    #[must_use]
+    pub fn select(condition: bool, a: Self, b: Self) -> Self {
+        Self {
+            min: [
+                select(condition, a.min[0], b.min[0]),
+                select(condition, a.min[1], b.min[1]),
+                select(condition, a.min[2], b.min[2]),
+            ],
+            max: [
+                select(condition, a.max[0], b.max[0]),
+                select(condition, a.max[1], b.max[1]),
+                select(condition, a.max[2], b.max[2]),
+            ],
         }
     }
 

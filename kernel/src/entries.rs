@@ -13,7 +13,7 @@ use crate::grid;
 use crate::lbvh::{self, HierarchyParams, LeavesParams};
 use crate::mem::{AtomicU32, AtomicU64, Slot};
 use crate::morton::{self, MortonParams};
-use crate::node::{AtomicNode, Node};
+use crate::node::{AtomicNode, Node, WideNode};
 use crate::ploc::merge::{self, MarkParams};
 use crate::ploc::nearest::{NearestParams, nearest};
 use crate::ploc::{self, Cluster, ClustersParams, Progress};
@@ -23,6 +23,7 @@ use crate::prbvh::decrease::{DecreaseParams, decrease};
 use crate::prbvh::dual::{self, check as dual_check, lock as dual_lock};
 use crate::prbvh::lock::{lock, lock_decrease, lock_input};
 use crate::prbvh::search::search;
+use crate::prbvh::walk::{self, Pending, WalkParams};
 use crate::prbvh::{PrbvhParams, Reinsertion, candidates, paths, reinsert::reinsert};
 use crate::ray::{Hit, Ray};
 use crate::refit::{RefitParams, refit};
@@ -177,6 +178,26 @@ kernels! {
         search(candidates[params.input(i) as usize], params, nodes, &found[i as usize], report);
     };
 
+    PrbvhList prbvh_list(params: PrbvhParams) [
+        0 nodes: &[WideNode], 1 pending: &[Slot<Pending>],
+    ] => |i| walk::list(params.input(i), params, nodes, &pending[i as usize]);
+
+    PrbvhListCandidates prbvh_list_candidates(params: PrbvhParams) [
+        0 nodes: &[WideNode], 1 candidates: &[u32], 2 pending: &[Slot<Pending>],
+    ] => |i| walk::list(candidates[params.input(i) as usize], params, nodes, &pending[i as usize]);
+
+    PrbvhWalk prbvh_walk(params: WalkParams) [
+        0 nodes: &[WideNode], 1 pending: &[Slot<Pending>], 2 taken: &[AtomicU32], 3 report: &[AtomicU32],
+    ] => |_i| walk::walk(params, nodes, pending, taken, report);
+
+    PrbvhConfirm prbvh_confirm(params: PrbvhParams) [
+        0 nodes: &[WideNode], 1 pending: &[Slot<Pending>], 2 report: &[AtomicU32],
+    ] => |i| _ = walk::confirm(nodes, &pending[i as usize], report);
+
+    PrbvhConfirmTop prbvh_confirm_top(params: PrbvhParams) [
+        0 nodes: &[WideNode], 1 pending: &[Slot<Pending>], 2 tops: &[Slot<u32>], 3 report: &[AtomicU32],
+    ] => |i| tops[i as usize].set(walk::confirm(nodes, &pending[i as usize], report));
+
     PrbvhFlag prbvh_flag(params: PrbvhParams) [
         0 nodes: &[Node], 1 flags: &[Slot<u32>],
     ] => |i| candidates::flag(i, params, nodes, flags);
@@ -288,8 +309,7 @@ kernels! {
     ] => |i| dual::reinsert::reinsert(i, params, found, seconds, nodes, report);
 
     SnapshotSave snapshot_save(params: SnapshotParams) [
-        0 nodes: &[Node],
-        1 links: &[Slot<NodeLinks>],
+        0 nodes: &[Node], 1 links: &[Slot<NodeLinks>],
     ] => |i| snapshot::save(i, nodes, links);
 
     SnapshotRestore snapshot_restore(params: SnapshotParams) [

@@ -15,6 +15,7 @@
 //! | [`refit`] | `refit` | leaf boxes → all boxes |
 //! | [`cost`] | `cost` | boxes → partial sums of half surface areas |
 //! | [`prbvh`] | `prbvh_search`, `prbvh_lock`, `prbvh_check`, `prbvh_decrease`, `prbvh_reinsert` | tree → better tree |
+//! | [`prbvh::walk`] | `prbvh_list`, `prbvh_walk`, `prbvh_confirm` | the same search, where invocations run in lockstep |
 //! | [`prbvh::conservative`] | `prbvh_search_top`, `conservative_lock`, `conservative_check` | the same, slower and steadier |
 //! | [`prbvh::dual`] | `dual_search`, `dual_lock`, `dual_check`, `prbvh_decrease`, `dual_reinsert` | tree → better tree, by moves of two subtrees |
 //! | [`snapshot`] | `snapshot_save`, `snapshot_restore` | links ↔ best links |

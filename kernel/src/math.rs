@@ -24,6 +24,12 @@ pub fn umax(a: u32, b: u32) -> u32 {
     if a > b { a } else { b }
 }
 
+/// `a` if `condition`, else `b`: without a branch where that is cheaper.
+#[inline(always)]
+pub fn select<T: Copy>(condition: bool, a: T, b: T) -> T {
+    if condition { a } else { b }
+}
+
 /// `1 / x` by Newton's method from a guess, for `2^-120 < |x| < 2^120`: the error is below 3 units in the last place.
 ///
 /// Vulkan leaves the last digits of a division and of a square root to the driver; products and sums have one result.

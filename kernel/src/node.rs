@@ -15,6 +15,7 @@
 //! Hence `left(p) = down(p)`, `right(p) = up(down(p))`, and the parent of a left child is one step further away.
 
 use crate::aabb::Aabb;
+use crate::math::select;
 use crate::mem::AtomicU32;
 use bytemuck::{Pod, Zeroable};
 
@@ -48,6 +49,13 @@ impl Node {
         Aabb { min: self.min, max: self.max }
     }
 
+    /// `a` if `condition`, else `b`, by words.
+    #[inline(always)]
+    fn select(condition: bool, a: Self, b: Self) -> Self {
+        let Aabb { min, max } = Aabb::select(condition, a.aabb(), b.aabb());
+        Self { min, up: select(condition, a.up, b.up), max, down: select(condition, a.down, b.down) }
+    }
+
     /// Whether the node is a left child, so that `up` is its sibling.
     #[inline(always)]
     pub fn is_left(&self) -> bool {
@@ -64,6 +72,100 @@ impl Node {
 #[inline(always)]
 fn parent_of_right(up: u32) -> u32 {
     if up == NO_NODE { NO_NODE } else { up & !RIGHT }
+}
+
+/// A [`Node`] as one vector of four 64-bit words, for kernels that load whole nodes: where loads are made lane by lane, as on lavapipe, a vector
+/// costs little more than a word, and a wide word no more than a narrow one.
+#[cfg_attr(target_arch = "spirv", rust_gpu::vector::v1)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct WideNode {
+    min_x_y: u64,
+    min_z_up: u64,
+    max_x_y: u64,
+    max_z_down: u64,
+}
+
+const _: () = assert!(size_of::<WideNode>() == size_of::<Node>());
+
+#[inline(always)]
+fn low(words: u64) -> u32 {
+    words as u32
+}
+
+#[inline(always)]
+fn high(words: u64) -> u32 {
+    (words >> 32) as u32
+}
+
+impl WideNode {
+    /// The node.
+    #[inline(always)]
+    pub fn node(self) -> Node {
+        Node {
+            min: [
+                f32::from_bits(low(self.min_x_y)),
+                f32::from_bits(high(self.min_x_y)),
+                f32::from_bits(low(self.min_z_up)),
+            ],
+            up: high(self.min_z_up),
+            max: [
+                f32::from_bits(low(self.max_x_y)),
+                f32::from_bits(high(self.max_x_y)),
+                f32::from_bits(low(self.max_z_down)),
+            ],
+            down: high(self.max_z_down),
+        }
+    }
+}
+
+/// Arrays whose nodes are loaded as a whole.
+pub trait WholeNodes {
+    /// Node `v`.
+    fn whole(&self, v: u32) -> Node;
+
+    /// Parent and sibling of a node, which is not the root.
+    #[inline(always)]
+    fn family(&self, node: Node) -> Family {
+        let is_left = node.is_left();
+        let link = node.up & !RIGHT;
+        let linked = self.whole(link);
+        let other = select(is_left, linked.up & !RIGHT, linked.down);
+        let other_node = self.whole(other);
+        Family {
+            parent: select(is_left, other, link),
+            sibling: select(is_left, link, other),
+            parent_node: Node::select(is_left, other_node, linked),
+            sibling_box: Aabb::select(is_left, linked.aabb(), other_node.aabb()),
+        }
+    }
+}
+
+impl WholeNodes for [Node] {
+    #[inline(always)]
+    fn whole(&self, v: u32) -> Node {
+        self[v as usize]
+    }
+}
+
+impl WholeNodes for [WideNode] {
+    #[inline(always)]
+    fn whole(&self, v: u32) -> Node {
+        self[v as usize].node()
+    }
+}
+
+/// Those next to a node; see [`WholeNodes::family`].
+#[derive(Clone, Copy, Debug)]
+pub struct Family {
+    /// The parent.
+    pub parent: u32,
+    /// The other child of the parent.
+    pub sibling: u32,
+    /// The parent itself.
+    pub parent_node: Node,
+    /// Box of the sibling.
+    pub sibling_box: Aabb,
 }
 
 /// A [`Node`] whose words many invocations may touch.

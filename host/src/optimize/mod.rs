@@ -9,6 +9,7 @@ mod prbvh;
 mod rbvh;
 mod row;
 mod schedule;
+mod searching;
 
 pub use current::CurrentTree;
 pub use dual::MoveKind;
@@ -21,3 +22,4 @@ pub use schedule::{Epsilon, Order, PrbvhSettings, StopReason};
 
 pub use row::IterationRow;
 pub(crate) use row::set_relative_errors;
+pub(crate) use searching::kernels_of_list;

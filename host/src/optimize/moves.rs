@@ -1,5 +1,6 @@
 //! Which reinsertions an iteration makes: search, lock, check, by either strategy.
 
+use super::searching::Searching;
 use crate::build::Scratch;
 use crate::device::{Buffer, Device, DeviceError, Recording};
 use prbvh_kernel::Kernel;
@@ -39,6 +40,7 @@ pub(super) enum Locks {
 /// Buffers of search, lock and check.
 #[derive(Debug)]
 pub(super) struct Moves {
+    searching: Searching,
     /// After the check: what moves.
     pub(super) found: Buffer,
     pub(super) locks: Locks,
@@ -54,6 +56,7 @@ impl Moves {
         nodes: usize,
     ) -> Result<Self, DeviceError> {
         let atomics_64 = device.info().atomics_64;
+        let searching = Searching::new(device, scratch)?;
         let mut buffer = |label, length, bytes| scratch.allocate(device, label, length, bytes);
         let found = buffer("found", nodes, size_of::<Reinsertion>())?;
         let tops = match strategy {
@@ -68,7 +71,7 @@ impl Moves {
                 inputs: buffer("locked inputs", nodes, 4)?,
             }
         };
-        Ok(Self { found, locks, tops })
+        Ok(Self { searching, found, locks, tops })
     }
 
     /// Records that all nodes are free.
@@ -91,19 +94,12 @@ impl Moves {
         nodes: &Buffer,
         report: &Buffer,
     ) {
-        let Self { found, locks, tops } = self;
+        let Self { searching, found, locks, tops } = self;
         self.clear_locks(recording, "lock");
+        searching.record(recording, params, candidates, nodes, found, tops.as_ref(), report);
         let mut dispatch = |label, kernel, buffers: &[&Buffer]| {
             recording.dispatch(label, kernel, params.count, params, buffers);
         };
-        match (candidates, tops) {
-            (None, None) => dispatch("search", Kernel::PrbvhSearch, &[nodes, found, report]),
-            (None, Some(tops)) => dispatch("search", Kernel::PrbvhSearchTop, &[nodes, found, tops, report]),
-            (Some(list), None) => dispatch("search", Kernel::PrbvhSearchCandidates, &[nodes, list, found, report]),
-            (Some(list), Some(tops)) => {
-                dispatch("search", Kernel::PrbvhSearchTopCandidates, &[nodes, list, found, tops, report]);
-            }
-        }
         if let Some(list) = candidates {
             dispatch("search", Kernel::PrbvhStrike, &[found, list]);
         }

@@ -4,7 +4,7 @@ use super::{Omission, PhaseBytes};
 use crate::build::{self, Codes, DeviceTree};
 use crate::collapse;
 use crate::device::{Buffer, Command, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
-use crate::optimize::{Limits, Order, PrbvhSettings, Strategy, prbvh};
+use crate::optimize::{Limits, Order, PrbvhSettings, kernels_of_list, prbvh};
 use crate::pipeline::Initial;
 use crate::trace::TraceScene;
 use prbvh_kernel::Kernel;
@@ -111,10 +111,7 @@ impl DryDevice {
         // Of a list that is empty here.
         if settings.order == Order::LargestFirst {
             self.kernels.insert(Kernel::PrbvhStrike);
-            self.kernels.insert(match settings.strategy {
-                Strategy::Aggressive => Kernel::PrbvhSearchCandidates,
-                Strategy::Conservative => Kernel::PrbvhSearchTopCandidates,
-            });
+            self.kernels.extend(kernels_of_list(&self.info, settings.strategy));
         }
         tree.free(self);
         Ok(())

@@ -12,25 +12,25 @@
 use super::{PrbvhParams, Reinsertion};
 use crate::aabb::Aabb;
 use crate::mem::{AtomicU32, Slot};
-use crate::node::{Links, NO_NODE, Node, ROOT};
+use crate::node::{Links, NO_NODE, Node, ROOT, WholeNodes};
 use crate::status::CANDIDATES;
 
 /// Upper bound of the area decrease of every reinsertion of `input`, which is not the root, up to rounding: what its removal takes off the
 /// areas of all nodes above it, less its own area, which no output can avoid.
 #[inline(always)]
 #[must_use]
-pub fn largest_decrease(input: u32, nodes: &[Node]) -> f32 {
-    let parent = nodes.parent(input);
-    let mut without: Aabb = nodes[nodes.sibling(input) as usize].aabb();
-    let mut decrease = nodes[parent as usize].aabb().half_area() - nodes[input as usize].aabb().half_area();
-    let mut below = parent;
+pub fn largest_decrease<T: WholeNodes + ?Sized>(input: u32, nodes: &T) -> f32 {
+    let node = nodes.whole(input);
+    let mut family = nodes.family(node);
+    let mut without: Aabb = family.sibling_box;
+    let mut decrease = family.parent_node.aabb().half_area() - node.aabb().half_area();
     let mut shrinks = true;
-    while shrinks && below != ROOT {
-        without = without.union(nodes[nodes.sibling(below) as usize].aabb());
-        below = nodes.parent(below);
-        let change = nodes[below as usize].aabb().half_area() - without.half_area();
+    while shrinks && family.parent != ROOT {
+        family = nodes.family(family.parent_node);
+        without = without.union(family.sibling_box);
+        let change = family.parent_node.aabb().half_area() - without.half_area();
         // The root keeps its box; above a node that does, so do all. Written so that a NaN ends.
-        shrinks = below != ROOT && change > 0.0;
+        shrinks = family.parent != ROOT && change > 0.0;
         if shrinks {
             decrease += change;
         }

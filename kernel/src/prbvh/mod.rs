@@ -45,6 +45,7 @@ pub mod lock;
 pub mod paths;
 pub mod reinsert;
 pub mod search;
+pub mod walk;
 
 use crate::node::{Links, NO_NODE, ROOT};
 use bytemuck::{Pod, Zeroable};

@@ -13,7 +13,7 @@ use super::candidates::largest_decrease;
 use super::{PrbvhParams, Reinsertion};
 use crate::aabb::Aabb;
 use crate::mem::{AtomicU32, Slot};
-use crate::node::{Links, NO_NODE, Node, ROOT};
+use crate::node::{Links, NO_NODE, Node, ROOT, WholeNodes};
 use crate::status::{self, FAULT_SEARCH_STEPS, FOUND, MOST_STEPS};
 
 /// A decrease must exceed this part of the areas that it was computed from, 16 roundings: below it is noise.
@@ -145,40 +145,41 @@ pub fn best_output(input: u32, params: &PrbvhParams, nodes: &[Node], report: &[A
 /// [`super`]).
 #[inline(always)]
 #[must_use]
-pub fn checked_area_decrease(input: u32, output: u32, pivot: u32, nodes: &[Node]) -> f32 {
-    let input_box = nodes[input as usize].aabb();
+pub fn checked_area_decrease<T: WholeNodes + ?Sized>(input: u32, output: u32, pivot: u32, nodes: &T) -> f32 {
+    let input_node = nodes.whole(input);
+    let input_box = input_node.aabb();
     let input_area = input_box.half_area();
-    let parent = nodes.parent(input);
-    let sibling = nodes.sibling(input);
+    let mut family = nodes.family(input_node);
+    let sibling = family.sibling;
 
-    let parent_area = nodes[parent as usize].aabb().half_area();
+    let parent_area = family.parent_node.aabb().half_area();
     let mut decrease = 0.0f32;
     // The areas whose roundings the sums contain; an unchanged box contributes exactly 0 and no rounding.
     let mut magnitude = parent_area;
-    if parent != pivot {
-        let mut without: Aabb = nodes[sibling as usize].aabb();
-        let mut below = parent;
-        let mut v = nodes.parent(parent);
-        while v != pivot {
-            without = without.union(nodes[nodes.sibling(below) as usize].aabb());
-            let area = nodes[v as usize].aabb().half_area();
+    if family.parent != pivot {
+        let mut without: Aabb = family.sibling_box;
+        family = nodes.family(family.parent_node);
+        while family.parent != pivot {
+            without = without.union(family.sibling_box);
+            let area = family.parent_node.aabb().half_area();
             let change = area - without.half_area();
             decrease += change;
             if change > 0.0 {
                 magnitude += area;
             }
-            below = v;
-            v = nodes.parent(v);
+            family = nodes.family(family.parent_node);
         }
     }
 
-    let output_area = nodes[output as usize].aabb().union(input_box).half_area();
+    let output_node = nodes.whole(output);
+    let output_area = output_node.aabb().union(input_box).half_area();
     let mut increase = 0.0f32;
     magnitude += output_area;
     let mut loop_free = true;
-    let mut w = nodes.parent(output);
+    let mut w = nodes.family(output_node).parent;
     while w != pivot {
-        let w_box = nodes[w as usize].aabb();
+        let node = nodes.whole(w);
+        let w_box = node.aabb();
         let area = w_box.union(input_box).half_area();
         let change = area - w_box.half_area();
         increase += change;
@@ -188,7 +189,7 @@ pub fn checked_area_decrease(input: u32, output: u32, pivot: u32, nodes: &[Node]
         if w != sibling && w_box.half_area() <= input_area {
             loop_free = false;
         }
-        w = nodes.parent(w);
+        w = nodes.family(node).parent;
     }
 
     let total = (parent_area - output_area) + (decrease - increase);
