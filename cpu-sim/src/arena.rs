@@ -1,6 +1,7 @@
 //! Buffers: aligned to cache lines, and borrow-checked while a dispatch runs.
 
 use bytemuck::allocation::try_zeroed_slice_box;
+use memmap2::MmapMut;
 use std::cell::{Ref, RefCell, RefMut};
 
 /// Number of a buffer.
@@ -18,28 +19,46 @@ pub struct AllocationRefused {
 /// Buffers begin at a cache line, so that a 32-byte node never lies in two.
 const LINE: usize = 64;
 
+/// Smaller buffers are of the allocator.
+const LARGE: usize = 64 << 10;
+
+#[derive(Debug)]
+enum Memory {
+    // Words, not lines: of plainly aligned memory the system gives zeros without writing them.
+    Words { words: Box<[u64]>, start: usize },
+    /// Pages of their own: an allocator keeps much of what it is given back, so that a process would grow by what it no longer needs.
+    Pages(MmapMut),
+}
+
 #[derive(Debug)]
 struct Buffer {
-    // Words, not lines: of plainly aligned memory the system gives zeros without writing them.
-    words: Box<[u64]>,
-    start: usize,
+    memory: Memory,
     bytes: usize,
 }
 
 impl Buffer {
     fn zeroed(bytes: usize) -> Option<Self> {
+        if bytes >= LARGE {
+            return Some(Self { memory: Memory::Pages(MmapMut::map_anon(bytes).ok()?), bytes });
+        }
         let count = bytes.div_ceil(size_of::<u64>()) + LINE / size_of::<u64>();
         let words = try_zeroed_slice_box::<u64>(count).ok()?;
         let start = words.as_ptr().cast::<u8>().align_offset(LINE);
-        Some(Self { words, start, bytes })
+        Some(Self { memory: Memory::Words { words, start }, bytes })
     }
 
     fn bytes(&self) -> &[u8] {
-        &bytemuck::cast_slice(&self.words)[self.start..][..self.bytes]
+        match &self.memory {
+            Memory::Words { words, start } => &bytemuck::cast_slice(words)[*start..][..self.bytes],
+            Memory::Pages(pages) => &pages[..self.bytes],
+        }
     }
 
     fn bytes_mut(&mut self) -> &mut [u8] {
-        &mut bytemuck::cast_slice_mut(&mut self.words)[self.start..][..self.bytes]
+        match &mut self.memory {
+            Memory::Words { words, start } => &mut bytemuck::cast_slice_mut(words)[*start..][..self.bytes],
+            Memory::Pages(pages) => &mut pages[..self.bytes],
+        }
     }
 }
 
