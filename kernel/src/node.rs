@@ -148,6 +148,15 @@ impl WholeNodes for [Node] {
     }
 }
 
+/// A reference to a vector is no reference to a slice where the type is a parameter.
+#[cfg(not(target_arch = "spirv"))]
+impl WholeNodes for Vec<Node> {
+    #[inline(always)]
+    fn whole(&self, v: u32) -> Node {
+        self[v as usize]
+    }
+}
+
 impl WholeNodes for [WideNode] {
     #[inline(always)]
     fn whole(&self, v: u32) -> Node {
