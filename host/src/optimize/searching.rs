@@ -19,9 +19,10 @@ pub(super) enum Searching {
     },
 }
 
-/// Whether lanes are faster than an invocation for each node: measured in `docs/performance.md`.
+/// Whether lanes are faster than an invocation for each node, as measured in `docs/performance.md`, and the device has the 64-bit words that
+/// they load.
 fn is_in_lanes(device: &DeviceInfo) -> bool {
-    device.kind == DeviceKind::VulkanCpu
+    device.kind == DeviceKind::VulkanCpu && device.atomics_64
 }
 
 /// The kernels that search the nodes on a list.
@@ -103,7 +104,9 @@ mod tests {
             (DeviceKind::VulkanGpu, Searching::Alone),
             (DeviceKind::VulkanCpu, Searching::InLanes { taken: buffer("taken", 4) }),
         ] {
-            info.kind = kind;
+            (info.kind, info.atomics_64) = (kind, false);
+            assert!(!is_in_lanes(&info));
+            info.atomics_64 = true;
             assert_eq!(is_in_lanes(&info), matches!(searching, Searching::InLanes { .. }));
             for (strategy, tops) in [(Strategy::Aggressive, None), (Strategy::Conservative, Some(&tops))] {
                 let mut recording = Recording::new();
