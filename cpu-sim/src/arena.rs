@@ -25,7 +25,10 @@ const LARGE: usize = 64 << 10;
 #[derive(Debug)]
 enum Memory {
     // Words, not lines: of plainly aligned memory the system gives zeros without writing them.
-    Words { words: Box<[u64]>, start: usize },
+    Words {
+        words: Box<[u64]>,
+        start: usize,
+    },
     /// Pages of their own: an allocator keeps much of what it is given back, so that a process would grow by what it no longer needs.
     Pages(MmapMut),
 }
