@@ -19,8 +19,8 @@ pub struct AllocationRefused {
 /// Buffers begin at a cache line, so that a 32-byte node never lies in two.
 const LINE: usize = 64;
 
-/// Smaller buffers are of the allocator.
-const LARGE: usize = 64 << 10;
+/// Smaller buffers are of the allocator, which has them at hand again for the next run.
+const LARGE: usize = 4 << 20;
 
 #[derive(Debug)]
 enum Memory {

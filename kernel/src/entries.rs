@@ -168,15 +168,11 @@ kernels! {
 
     PrbvhSearch prbvh_search(params: PrbvhParams) [
         0 nodes: &[Node], 1 found: &[Slot<Reinsertion>], 2 report: &[AtomicU32],
-    ] => |i| {
-        search(params.input(i), params, nodes, &found[i as usize], report);
-    };
+    ] => |i| _ = search(params.input(i), params, nodes, &found[i as usize], report);
 
     PrbvhSearchCandidates prbvh_search_candidates(params: PrbvhParams) [
         0 nodes: &[Node], 1 candidates: &[u32], 2 found: &[Slot<Reinsertion>], 3 report: &[AtomicU32],
-    ] => |i| {
-        search(candidates[params.input(i) as usize], params, nodes, &found[i as usize], report);
-    };
+    ] => |i| _ = search(candidates[params.input(i) as usize], params, nodes, &found[i as usize], report);
 
     PrbvhList prbvh_list(params: PrbvhParams) [
         0 nodes: &[WideNode], 1 pending: &[Slot<Pending>],
