@@ -19,8 +19,8 @@ pub struct AllocationRefused {
 /// Buffers begin at a cache line, so that a 32-byte node never lies in two.
 const LINE: usize = 64;
 
-/// Smaller buffers are of the allocator, which has them at hand again for the next run.
-const LARGE: usize = 4 << 20;
+/// Bytes from which on a buffer is pages of its own. Smaller ones are of the allocator, which has them at hand again for the next run.
+pub const OWN_PAGES: usize = 4 << 20;
 
 #[derive(Debug)]
 enum Memory {
@@ -41,7 +41,7 @@ struct Buffer {
 
 impl Buffer {
     fn zeroed(bytes: usize) -> Option<Self> {
-        if bytes >= LARGE {
+        if bytes >= OWN_PAGES {
             return Some(Self { memory: Memory::Pages(MmapMut::map_anon(bytes).ok()?), bytes });
         }
         let count = bytes.div_ceil(size_of::<u64>()) + LINE / size_of::<u64>();

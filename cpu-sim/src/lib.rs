@@ -7,7 +7,7 @@
 mod arena;
 mod dispatch;
 
-pub use arena::{AllocationRefused, BufferId};
+pub use arena::{AllocationRefused, BufferId, OWN_PAGES};
 pub use dispatch::Order;
 
 use arena::Arena;
