@@ -22,6 +22,15 @@ const LINE: usize = 64;
 /// Bytes from which on a buffer is pages of its own. Smaller ones are of the allocator, which has them at hand again for the next run.
 pub const OWN_PAGES: usize = 4 << 20;
 
+/// Size of the pages of a large buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pages {
+    /// For buffers of which little may be touched.
+    Small,
+    /// For buffers that are written whole and read here and there, where the system has such pages: the processor then knows where they all are.
+    Large,
+}
+
 #[derive(Debug)]
 enum Memory {
     // Words, not lines: of plainly aligned memory the system gives zeros without writing them.
@@ -40,9 +49,15 @@ struct Buffer {
 }
 
 impl Buffer {
-    fn zeroed(bytes: usize) -> Option<Self> {
+    fn zeroed(bytes: usize, pages: Pages) -> Option<Self> {
         if bytes >= OWN_PAGES {
-            return Some(Self { memory: Memory::Pages(MmapMut::map_anon(bytes).ok()?), bytes });
+            let memory = MmapMut::map_anon(bytes).ok()?;
+            #[cfg(target_os = "linux")]
+            if pages == Pages::Large {
+                // A wish: without it everything works, slower.
+                _ = memory.advise(memmap2::Advice::HugePage);
+            }
+            return Some(Self { memory: Memory::Pages(memory), bytes });
         }
         let count = bytes.div_ceil(size_of::<u64>()) + LINE / size_of::<u64>();
         let words = try_zeroed_slice_box::<u64>(count).ok()?;
@@ -71,8 +86,8 @@ pub(crate) struct Arena {
 }
 
 impl Arena {
-    pub(crate) fn allocate(&mut self, bytes: usize) -> Result<BufferId, AllocationRefused> {
-        let buffer = RefCell::new(Some(Buffer::zeroed(bytes).ok_or(AllocationRefused { bytes })?));
+    pub(crate) fn allocate(&mut self, bytes: usize, pages: Pages) -> Result<BufferId, AllocationRefused> {
+        let buffer = RefCell::new(Some(Buffer::zeroed(bytes, pages).ok_or(AllocationRefused { bytes })?));
         let free = self.buffers.iter().position(|slot| slot.borrow().is_none());
         let id = free.unwrap_or(self.buffers.len());
         if free.is_some() {
@@ -109,26 +124,26 @@ mod tests {
     #[test]
     fn buffers_are_zeroed_aligned_and_reused() {
         let mut arena = Arena::default();
-        let first = arena.allocate(100).unwrap();
+        let first = arena.allocate(100, Pages::Small).unwrap();
         assert_eq!(arena.read(first, "first").len(), 100);
         assert_eq!(arena.read(first, "first").as_ptr() as usize % 64, 0);
         arena.write(first, "first").fill(7);
         arena.free(first);
-        let second = arena.allocate(3).unwrap();
+        let second = arena.allocate(3, Pages::Small).unwrap();
         assert_eq!(second, first);
         assert_eq!(&*arena.read(second, "second"), &[0, 0, 0]);
     }
 
     #[test]
     fn refused_memory_is_an_error() {
-        assert_eq!(Arena::default().allocate(isize::MAX as usize).unwrap_err().bytes, isize::MAX as usize);
+        assert_eq!(Arena::default().allocate(isize::MAX as usize, Pages::Large).unwrap_err().bytes, isize::MAX as usize);
     }
 
     #[test]
     #[should_panic(expected = "`nodes` is bound for reading and for writing in one dispatch")]
     fn a_buffer_bound_for_reading_and_writing_is_refused_by_name() {
         let mut arena = Arena::default();
-        let buffer = arena.allocate(4).unwrap();
+        let buffer = arena.allocate(4, Pages::Small).unwrap();
         let _writing = arena.write(buffer, "boxes");
         let _reading = arena.read(buffer, "nodes");
     }

@@ -44,11 +44,14 @@ impl Executor {
 }
 
 impl Dispatcher for Executor {
-    fn for_each(&self, count: u32, invocation: impl Fn(u32) + Sync + Send) {
+    fn for_each(&self, count: u32, grain: u32, invocation: impl Fn(u32) + Sync + Send) {
         match (&self.order, &self.pool) {
             (Order::Descending, _) => (0..count).rev().for_each(invocation),
             (Order::Shuffled(seed), _) => shuffled(count, *seed).into_iter().for_each(invocation),
-            (Order::Parallel, Some(pool)) => pool.install(|| (0..count).into_par_iter().for_each(invocation)),
+            (Order::Parallel, Some(pool)) if count >= 2 * grain => {
+                let invocations = (0..count).into_par_iter().with_min_len(grain as usize);
+                pool.install(|| invocations.for_each(invocation));
+            }
             (Order::Ascending | Order::Parallel, _) => (0..count).for_each(invocation),
         }
     }
@@ -81,7 +84,7 @@ mod tests {
             let executor = Executor::new(order, 3).unwrap();
             for count in [0, 1, 2, 1000] {
                 let runs: Vec<AtomicU32> = (0..count).map(|_| AtomicU32::new(0)).collect();
-                executor.for_each(count, |i| {
+                executor.for_each(count, 1, |i| {
                     runs[i as usize].fetch_add(1, Ordering::Relaxed);
                 });
                 assert!(runs.iter().all(|runs| runs.load(Ordering::Relaxed) == 1), "{order:?}, {count}");

@@ -7,7 +7,7 @@
 mod arena;
 mod dispatch;
 
-pub use arena::{AllocationRefused, BufferId, OWN_PAGES};
+pub use arena::{AllocationRefused, BufferId, OWN_PAGES, Pages};
 pub use dispatch::Order;
 
 use arena::Arena;
@@ -70,8 +70,8 @@ impl CpuSim {
     ///
     /// # Errors
     /// If the system refuses the memory.
-    pub fn allocate(&mut self, bytes: usize) -> Result<BufferId, AllocationRefused> {
-        self.arena.allocate(bytes)
+    pub fn allocate(&mut self, bytes: usize, pages: Pages) -> Result<BufferId, AllocationRefused> {
+        self.arena.allocate(bytes, pages)
     }
 
     /// Gives a buffer's memory back; its id may be used again.

@@ -12,7 +12,7 @@ use crate::bvh::{self, Bvh, EncodeError, Quality, SahModel, TreeFault};
 use crate::collapse::{CollapseError, CollapseSettings, check_settings};
 use crate::device::{Device, DeviceError, Lease, Timing, Watched, on_host};
 use crate::fold::{unfold_rows, unfolded_row};
-use crate::optimize::{CurrentTree, IterationRow, Limits, Outcome, PrbvhSettings, RbvhSettings, prbvh};
+use crate::optimize::{CurrentTree, IterationRow, Limits, Outcome, PrbvhSettings, RbvhSettings, measure, prbvh_from};
 use crate::plan::{Plan, PlanMismatch};
 use crate::scene::{SafeRange, Scene};
 use prbvh_kernel::Kernel;
@@ -237,7 +237,7 @@ pub fn optimize_by(
     settings: &Settings,
     observe: &mut dyn FnMut(&IterationRow) -> ControlFlow<()>,
 ) -> Result<Optimized, PipelineError> {
-    optimize_watched(plan, scene, device, settings, &mut |row, _| observe(row))
+    run(plan, scene, device, settings, false, &mut |row, _| observe(row))
 }
 
 /// [`optimize_by`] whose observer sees the tree, too.
@@ -249,6 +249,18 @@ pub fn optimize_watched(
     scene: &Scene,
     device: &mut dyn Device,
     settings: &Settings,
+    observe: &mut dyn FnMut(&IterationRow, CurrentTree<'_>) -> ControlFlow<()>,
+) -> Result<Optimized, PipelineError> {
+    run(plan, scene, device, settings, true, observe)
+}
+
+/// `row_by_row`: the observer wants the tree of each row.
+fn run(
+    plan: Plan,
+    scene: &Scene,
+    device: &mut dyn Device,
+    settings: &Settings,
+    row_by_row: bool,
     observe: &mut dyn FnMut(&IterationRow, CurrentTree<'_>) -> ControlFlow<()>,
 ) -> Result<Optimized, PipelineError> {
     settings.initial.check()?;
@@ -265,7 +277,15 @@ pub fn optimize_watched(
     let added = fold.as_ref().map_or(0.0, |fold| fold.added_cost(&scene.triangles, &SahModel::default()));
 
     let start = Instant::now();
-    let (mut tree, build_timings) = initial_tree(scene, references, device, (&settings.initial, plan.codes))?;
+    let (mut tree, mut build_timings) = initial_tree(scene, references, device, (&settings.initial, plan.codes))?;
+    let areas = match settings.optimizer {
+        Optimizer::Prbvh => {
+            let (areas, timings) = measure(device, &tree)?;
+            build_timings.extend(timings);
+            Some(areas)
+        }
+        Optimizer::Rbvh(_) | Optimizer::None => None,
+    };
     let build_s = start.elapsed().as_secs_f64();
     let (built, initial) = hand_out((&tree, fold.as_deref()), scene, device, "builder")?;
     // Only kept where nothing comes after it.
@@ -278,7 +298,10 @@ pub fn optimize_watched(
         Optimizer::Prbvh => {
             let mut settings = settings.prbvh.clone();
             settings.limits.target_cost = below(settings.limits.target_cost);
-            prbvh(device, &tree, &settings, &mut |row, tree, device| observe(row, CurrentTree::Device(tree, device)))?
+            settings.worst_first.row_by_row |= row_by_row;
+            prbvh_from(device, &tree, areas, &settings, &mut |row, tree, device| {
+                observe(row, CurrentTree::Device(tree, device))
+            })?
         }
         Optimizer::Rbvh(settings) => {
             let mut settings = settings.clone();

@@ -26,9 +26,12 @@ pub struct CostParams {
     pub internal: u32,
     /// Where the sums begin in `partial`.
     pub to: u32,
-    /// What the refit leaves in every element of `arrivals`: 2 after one of all boxes, 0 after one of the paths that changed.
+    /// What the refit leaves in every element of `arrivals`: 2 after one of all boxes, 0 after one of the paths that changed; [`NO_REFIT`] without one.
     pub arrived: u32,
 }
+
+/// [`CostParams::arrived`] of a tree that was not refitted: nothing is checked.
+pub const NO_REFIT: u32 = u32::MAX;
 
 /// Invocation `i` adds up the half areas of 256 nodes into `partial[to + i]`. Reads `nodes[2n-1]` and `arrivals[n-1]` as the
 /// refit left it: an internal node that was not completed raises [`FAULT_BROKEN_TREE`] in `report`.
@@ -48,12 +51,12 @@ pub fn cost(
     for k in first..end {
         let v = params.first + k;
         sum += nodes[v as usize].aabb().half_area();
-        if v < params.internal && arrivals[v as usize] != params.arrived {
+        if params.arrived != NO_REFIT && v < params.internal && arrivals[v as usize] != params.arrived {
             broken = true;
         }
     }
     partial[(params.to + i) as usize].set(sum);
     if broken {
-        status::raise(report, FAULT_BROKEN_TREE);
+        status::raise(report, 0, FAULT_BROKEN_TREE);
     }
 }

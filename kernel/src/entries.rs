@@ -10,6 +10,7 @@ use crate::collapse::{self, CollapseParams, CompactNode, EmitParams, Place, Plac
 use crate::cost::{self, CostParams};
 use crate::entry::kernels;
 use crate::grid;
+use crate::kept::{self, Kept, RestoreParams};
 use crate::lbvh::{self, HierarchyParams, LeavesParams};
 use crate::mem::{AtomicU32, AtomicU64, Slot};
 use crate::morton::{self, MortonParams};
@@ -18,17 +19,14 @@ use crate::ploc::merge::{self, MarkParams};
 use crate::ploc::nearest::{NearestParams, nearest};
 use crate::ploc::{self, Cluster, ClustersParams, Progress};
 use crate::prbvh::check::{check, check_words};
-use crate::prbvh::conservative::{check as conservative_check, lock as conservative_lock};
-use crate::prbvh::decrease::{DecreaseParams, decrease};
-use crate::prbvh::dual::{self, check as dual_check, lock as dual_lock};
-use crate::prbvh::lock::{lock, lock_decrease, lock_input};
+use crate::prbvh::dual::search::DualParams;
+use crate::prbvh::lock::{lock, lock_words};
 use crate::prbvh::search::search;
-use crate::prbvh::walk::{self, Pending, WalkParams};
-use crate::prbvh::{PrbvhParams, Reinsertion, candidates, paths, reinsert::reinsert};
+use crate::prbvh::worst::{self, RoundParams};
+use crate::prbvh::{Move, PrbvhParams, paths, reinsert::reinsert};
 use crate::ray::{Hit, Ray};
 use crate::refit::{RefitParams, refit};
 use crate::setup::{self, BoundsParams, BoxesParams, Triangle};
-use crate::snapshot::{self, NodeLinks, SnapshotParams};
 use crate::sort::{self, GatherParams, ScanParams, SortParams};
 use crate::trace::counts::{self, CountParams, RayCounts};
 use crate::trace::path::{
@@ -167,151 +165,74 @@ kernels! {
     ] => |i| cost::cost(i, params, nodes, arrivals, partial, report);
 
     PrbvhSearch prbvh_search(params: PrbvhParams) [
-        0 nodes: &[Node], 1 found: &[Slot<Reinsertion>], 2 report: &[AtomicU32],
-    ] => |i| _ = search(params.input(i), params, nodes, &found[i as usize], report);
-
-    PrbvhSearchCandidates prbvh_search_candidates(params: PrbvhParams) [
-        0 nodes: &[Node], 1 candidates: &[u32], 2 found: &[Slot<Reinsertion>], 3 report: &[AtomicU32],
-    ] => |i| _ = search(candidates[params.input(i) as usize], params, nodes, &found[i as usize], report);
-
-    PrbvhList prbvh_list(params: PrbvhParams) [
-        0 nodes: &[WideNode], 1 pending: &[Slot<Pending>],
-    ] => |i| walk::list(params.input(i), params, nodes, &pending[i as usize]);
-
-    PrbvhListCandidates prbvh_list_candidates(params: PrbvhParams) [
-        0 nodes: &[WideNode], 1 candidates: &[u32], 2 pending: &[Slot<Pending>],
-    ] => |i| walk::list(candidates[params.input(i) as usize], params, nodes, &pending[i as usize]);
-
-    PrbvhWalk prbvh_walk(params: WalkParams) [
-        0 nodes: &[WideNode], 1 pending: &[Slot<Pending>], 2 taken: &[AtomicU32], 3 report: &[AtomicU32],
-    ] => |_i| walk::walk(params, nodes, pending, taken, report);
-
-    PrbvhConfirm prbvh_confirm(params: PrbvhParams) [
-        0 nodes: &[WideNode], 1 pending: &[Slot<Pending>], 2 report: &[AtomicU32],
-    ] => |i| _ = walk::confirm(nodes, &pending[i as usize], report);
-
-    PrbvhConfirmTop prbvh_confirm_top(params: PrbvhParams) [
-        0 nodes: &[WideNode], 1 pending: &[Slot<Pending>], 2 tops: &[Slot<u32>], 3 report: &[AtomicU32],
-    ] => |i| tops[i as usize].set(walk::confirm(nodes, &pending[i as usize], report));
-
-    PrbvhFlag prbvh_flag(params: PrbvhParams) [
-        0 nodes: &[Node], 1 flags: &[Slot<u32>],
-    ] => |i| candidates::flag(i, params, nodes, flags);
-
-    PrbvhPack prbvh_pack(params: PrbvhParams) [
-        0 places: &[u32], 1 nodes: &[Node], 2 candidates: &[Slot<u32>], 3 report: &[AtomicU32],
-    ] => |i| candidates::pack(i, params, places, nodes, candidates, report);
-
-    PrbvhStrike prbvh_strike(params: PrbvhParams) [
-        0 found: &[Reinsertion], 1 candidates: &[Slot<u32>],
-    ] => |i| candidates::strike(i, params, found, candidates);
+        0 nodes: &[WideNode], 1 found: &[Slot<Move>], 2 report: &[AtomicU32],
+    ] => |i| search(i, params, nodes, found, report);
 
     PrbvhLock prbvh_lock(params: PrbvhParams) [
-        0 nodes: &[Node], 1 found: &[Reinsertion], 2 locks: &[AtomicU64],
+        0 nodes: &[Node], 1 found: &[Slot<Move>], 2 locks: &[AtomicU64],
     ] => |i| lock(i, params, nodes, found, locks);
 
-    PrbvhLockDecrease prbvh_lock_decrease(params: PrbvhParams) [
-        0 nodes: &[Node], 1 found: &[Reinsertion], 2 decreases: &[AtomicU32],
-    ] => |i| lock_decrease(i, params, nodes, found, decreases);
-
-    PrbvhLockInput prbvh_lock_input(params: PrbvhParams) [
-        0 nodes: &[Node], 1 found: &[Reinsertion], 2 decreases: &[u32], 3 inputs: &[AtomicU32],
-    ] => |i| lock_input(i, params, nodes, found, decreases, inputs);
+    PrbvhLockWords prbvh_lock_words(params: PrbvhParams) [
+        0 nodes: &[Node], 1 found: &[Slot<Move>], 2 decreases: &[AtomicU32], 3 claims: &[AtomicU32],
+    ] => |i| lock_words(i, params, nodes, found, decreases, claims);
 
     PrbvhCheck prbvh_check(params: PrbvhParams) [
-        0 nodes: &[Node], 1 locks: &[u64], 2 found: &[Slot<Reinsertion>], 3 report: &[AtomicU32],
+        0 nodes: &[Node], 1 locks: &[AtomicU64], 2 found: &[Slot<Move>], 3 report: &[AtomicU32],
     ] => |i| check(i, params, nodes, locks, found, report);
 
     PrbvhCheckWords prbvh_check_words(params: PrbvhParams) [
-        0 nodes: &[Node], 1 decreases: &[u32], 2 inputs: &[u32], 3 found: &[Slot<Reinsertion>],
+        0 nodes: &[Node], 1 decreases: &[AtomicU32], 2 claims: &[AtomicU32], 3 found: &[Slot<Move>],
         4 report: &[AtomicU32],
-    ] => |i| check_words(i, params, nodes, decreases, inputs, found, report);
-
-    PrbvhSearchTop prbvh_search_top(params: PrbvhParams) [
-        0 nodes: &[Node], 1 found: &[Slot<Reinsertion>], 2 tops: &[Slot<u32>], 3 report: &[AtomicU32],
-    ] => |i| tops[i as usize].set(search(params.input(i), params, nodes, &found[i as usize], report));
-
-    PrbvhSearchTopCandidates prbvh_search_top_candidates(params: PrbvhParams) [
-        0 nodes: &[Node], 1 candidates: &[u32], 2 found: &[Slot<Reinsertion>], 3 tops: &[Slot<u32>],
-        4 report: &[AtomicU32],
-    ] => |i| tops[i as usize].set(search(candidates[params.input(i) as usize], params, nodes, &found[i as usize], report));
-
-    ConservativeLock conservative_lock(params: PrbvhParams) [
-        0 nodes: &[Node], 1 found: &[Reinsertion], 2 tops: &[u32], 3 locks: &[AtomicU64],
-    ] => |i| conservative_lock::lock(i, params, nodes, found, tops, locks);
-
-    ConservativeLockDecrease conservative_lock_decrease(params: PrbvhParams) [
-        0 nodes: &[Node], 1 found: &[Reinsertion], 2 tops: &[u32], 3 decreases: &[AtomicU32],
-    ] => |i| conservative_lock::lock_decrease(i, params, nodes, found, tops, decreases);
-
-    ConservativeLockInput conservative_lock_input(params: PrbvhParams) [
-        0 nodes: &[Node], 1 found: &[Reinsertion], 2 tops: &[u32], 3 decreases: &[u32],
-        4 inputs: &[AtomicU32],
-    ] => |i| conservative_lock::lock_input(i, params, nodes, found, tops, decreases, inputs);
-
-    ConservativeCheck conservative_check(params: PrbvhParams) [
-        0 nodes: &[Node], 1 tops: &[u32], 2 locks: &[u64], 3 found: &[Slot<Reinsertion>],
-        4 report: &[AtomicU32],
-    ] => |i| conservative_check::check(i, params, nodes, tops, locks, found, report);
-
-    ConservativeCheckWords conservative_check_words(params: PrbvhParams) [
-        0 nodes: &[Node], 1 tops: &[u32], 2 decreases: &[u32], 3 inputs: &[u32],
-        4 found: &[Slot<Reinsertion>], 5 report: &[AtomicU32],
-    ] => |i| conservative_check::check_words(i, params, nodes, tops, decreases, inputs, found, report);
-
-    PrbvhDecrease prbvh_decrease(params: DecreaseParams) [
-        0 found: &[Reinsertion], 1 partial: &[Slot<f32>],
-    ] => |i| decrease(i, params, found, partial);
+    ] => |i| check_words(i, params, nodes, decreases, claims, found, report);
 
     PrbvhReinsert prbvh_reinsert(params: PrbvhParams) [
-        0 found: &[Slot<Reinsertion>], 1 nodes: &[AtomicNode], 2 report: &[AtomicU32],
-    ] => |i| reinsert(i, found, nodes, report);
+        0 found: &[Slot<Move>], 1 nodes: &[AtomicNode], 2 kept: &[Slot<Kept>], 3 books: &[AtomicU32],
+        4 report: &[AtomicU32],
+    ] => |i| reinsert(i, params, found, nodes, kept, books, report);
 
-    PrbvhMarkPaths prbvh_mark_paths(params: PrbvhParams) [
-        0 found: &[Reinsertion], 1 nodes: &[Node], 2 ways: &[AtomicU32],
-    ] => |i| paths::mark(i, params, found, nodes, ways);
+    PrbvhMark prbvh_mark(params: PrbvhParams) [
+        0 found: &[Slot<Move>], 1 nodes: &[Node], 2 ways: &[AtomicU32],
+    ] => |i| _ = paths::mark(i, params, found, nodes, ways);
 
-    PrbvhRefitPaths prbvh_refit_paths(params: PrbvhParams) [
-        0 found: &[Reinsertion], 1 nodes: &[AtomicNode], 2 ways: &[AtomicU32],
-    ] => |i| paths::refit(i, params, found, nodes, ways);
+    PrbvhRefit prbvh_refit(params: PrbvhParams) [
+        0 found: &[Slot<Move>], 1 nodes: &[AtomicNode], 2 ways: &[AtomicU32],
+    ] => |i| _ = paths::refit(i, params, found, nodes, ways, |_v, _old, _left, _right| {});
 
-    DualSearch dual_search(params: PrbvhParams) [
-        0 nodes: &[Node], 1 found: &[Slot<Reinsertion>], 2 seconds: &[Slot<u32>], 3 report: &[AtomicU32],
-    ] => |i| dual::search::search(i, params, nodes, found, seconds, report);
-
-    DualLock dual_lock(params: PrbvhParams) [
-        0 nodes: &[Node], 1 found: &[Reinsertion], 2 seconds: &[u32], 3 locks: &[AtomicU64],
-    ] => |i| dual_lock::lock(i, params, nodes, found, seconds, locks);
-
-    DualLockDecrease dual_lock_decrease(params: PrbvhParams) [
-        0 nodes: &[Node], 1 found: &[Reinsertion], 2 seconds: &[u32], 3 decreases: &[AtomicU32],
-    ] => |i| dual_lock::lock_decrease(i, params, nodes, found, seconds, decreases);
-
-    DualLockInput dual_lock_input(params: PrbvhParams) [
-        0 nodes: &[Node], 1 found: &[Reinsertion], 2 seconds: &[u32], 3 decreases: &[u32], 4 inputs: &[AtomicU32],
-    ] => |i| dual_lock::lock_input(i, params, nodes, found, seconds, decreases, inputs);
-
-    DualCheck dual_check(params: PrbvhParams) [
-        0 nodes: &[Node], 1 seconds: &[u32], 2 locks: &[u64], 3 found: &[Slot<Reinsertion>], 4 report: &[AtomicU32],
-    ] => |i| dual_check::check(i, params, nodes, seconds, locks, found, report);
-
-    DualCheckWords dual_check_words(params: PrbvhParams) [
-        0 nodes: &[Node], 1 seconds: &[u32], 2 decreases: &[u32], 3 inputs: &[u32], 4 found: &[Slot<Reinsertion>],
+    DualSearch dual_search(params: DualParams) [
+        0 nodes: &[WideNode], 1 list: &[u32], 2 found: &[Slot<Move>], 3 keys: &[AtomicU32], 4 books: &[AtomicU32],
         5 report: &[AtomicU32],
-    ] => |i| dual_check::check_words(i, params, nodes, seconds, decreases, inputs, found, report);
+    ] => |i| worst::search(i, params, nodes, list, found, keys, books, report);
 
-    DualReinsert dual_reinsert(params: PrbvhParams) [
-        0 found: &[Reinsertion], 1 seconds: &[u32], 2 nodes: &[AtomicNode], 3 report: &[AtomicU32],
-    ] => |i| dual::reinsert::reinsert(i, params, found, seconds, nodes, report);
+    WorstBooks worst_books(params: RoundParams) [
+        0 books: &[AtomicU32], 1 fringe: &[Slot<u32>], 2 report: &[AtomicU32],
+    ] => |_i| worst::books::books(params, books, fringe, report);
 
-    SnapshotSave snapshot_save(params: SnapshotParams) [
-        0 nodes: &[Node], 1 links: &[Slot<NodeLinks>],
-    ] => |i| snapshot::save(i, nodes, links);
+    WorstCount worst_count(params: RoundParams) [
+        0 pool: &[u32], 1 keys: &[u32], 2 books: &[AtomicU32],
+    ] => |i| worst::select::count(i, params, pool, keys, books);
 
-    SnapshotRestore snapshot_restore(params: SnapshotParams) [
-        0 links: &[NodeLinks],
-        1 nodes: &[AtomicNode],
-    ] => |i| snapshot::restore(i, links, nodes);
+    WorstSelect worst_select(params: RoundParams) [
+        0 keys: &[AtomicU32], 1 pool: &[Slot<u32>], 2 list: &[Slot<u32>], 3 books: &[AtomicU32],
+    ] => |i| worst::select::select(i, params, keys, pool, list, books);
+
+    WorstUnfold worst_unfold(params: RoundParams) [
+        0 nodes: &[WideNode], 1 keys: &[AtomicU32], 2 fringe: &[Slot<u32>], 3 pool: &[Slot<u32>],
+        4 books: &[AtomicU32],
+    ] => |i| worst::unfold::unfold(i, params, nodes, keys, fringe, pool, books);
+
+    WorstMark worst_mark(params: PrbvhParams) [
+        0 found: &[Slot<Move>], 1 nodes: &[Node], 2 ways: &[AtomicU32], 3 keys: &[AtomicU32],
+        4 fringe: &[Slot<u32>], 5 books: &[AtomicU32], 6 report: &[AtomicU32],
+    ] => |i| worst::refit::mark(i, params, found, nodes, ways, keys, fringe, books, report);
+
+    WorstRefit worst_refit(params: PrbvhParams) [
+        0 found: &[Slot<Move>], 1 nodes: &[AtomicNode], 2 ways: &[AtomicU32], 3 keys: &[AtomicU32],
+        4 pool: &[Slot<u32>], 5 books: &[AtomicU32], 6 report: &[AtomicU32],
+    ] => |i| worst::refit::refit(i, params, found, nodes, ways, keys, pool, books, report);
+
+    KeptRestore kept_restore(params: RestoreParams) [
+        0 kept: &[Kept], 1 nodes: &[AtomicNode],
+    ] => |i| kept::restore(i, params, kept, nodes);
 
     CollapseSizes collapse_sizes(params: CollapseParams) [
         0 nodes: &[Node],

@@ -63,6 +63,24 @@ macro_rules! kernels {
                 }
             }
 
+            /// Invocations that take about as long as to hand them to another thread.
+            fn grain(self) -> u32 {
+                match self {
+                    // Searches.
+                    Self::DualSearch => 8,
+                    Self::PrbvhSearch | Self::PlocNearest => 16,
+                    #[cfg(feature = "atrbvh")]
+                    Self::AtrbvhRestructure => 1,
+                    // Chunks.
+                    Self::SetupBounds | Self::Cost | Self::SortCount | Self::SortScatter | Self::WorstCount | Self::WorstSelect => 16,
+                    Self::ScanSums | Self::ScanApply => 4,
+                    // Walks and climbs.
+                    Self::Refit | Self::PrbvhRefit | Self::PrbvhMark | Self::WorstRefit | Self::WorstMark | Self::WorstUnfold => 32,
+                    Self::Trace32 | Self::Trace64 | Self::Trace128 | Self::TraceDeep => 16,
+                    _ => 256,
+                }
+            }
+
             /// Runs the entry natively for each of `count` invocations, in the order of the dispatcher.
             ///
             /// # Panics
@@ -86,7 +104,7 @@ macro_rules! kernels {
                         Self::$variant => {
                             let $params: &$params_type = &bytemuck::pod_read_unaligned(push);
                             $(let $buffer = <$view as View<'_>>::bind(next());)+
-                            dispatcher.for_each(count, |i| {
+                            dispatcher.for_each(count, self.grain(), |i| {
                                 $name(UVec3::new(i, 0, 0), workgroups, $params, $($buffer),+);
                             });
                         }

@@ -14,11 +14,9 @@
 //! | `atrbvh` | `atrbvh_levels`, `sort_*`, `scan_*`, `atrbvh_restructure` | tree → tree with better treelets |
 //! | [`refit`] | `refit` | leaf boxes → all boxes |
 //! | [`cost`] | `cost` | boxes → partial sums of half surface areas |
-//! | [`prbvh`] | `prbvh_search`, `prbvh_lock`, `prbvh_check`, `prbvh_decrease`, `prbvh_reinsert` | tree → better tree |
-//! | [`prbvh::walk`] | `prbvh_list`, `prbvh_walk`, `prbvh_confirm` | the same search, where invocations run in lockstep |
-//! | [`prbvh::conservative`] | `prbvh_search_top`, `conservative_lock`, `conservative_check` | the same, slower and steadier |
-//! | [`prbvh::dual`] | `dual_search`, `dual_lock`, `dual_check`, `prbvh_decrease`, `dual_reinsert` | tree → better tree, by moves of two subtrees |
-//! | [`snapshot`] | `snapshot_save`, `snapshot_restore` | links ↔ best links |
+//! | [`prbvh`] | `prbvh_search`, `prbvh_lock`, `prbvh_check`, `prbvh_reinsert`, `prbvh_mark`, `prbvh_refit` | tree → better tree, as published |
+//! | [`prbvh::worst`] | `worst_*`, `dual_search`, `prbvh_lock`, `prbvh_check`, `prbvh_reinsert` | tree → better tree, the worst nodes first, by moves of two subtrees |
+//! | [`kept`] | `kept_restore` | tree → the best tree before it |
 //! | [`mod@collapse`] | `collapse_sizes`, `collapse_places`, `collapse_jump`, `collapse_emit` | tree → tree with adaptive leaves |
 //! | [`trace`] | `trace_32`, `trace_64`, `trace_128`, `trace_deep`, `trace_count` | tree, rays → hits |
 //! | [`trace::path`] | `path_camera`, `path_shade`, `path_gather`, `path_film` | hits → next rays → picture |
@@ -38,6 +36,7 @@ pub mod cost;
 pub mod entries;
 mod entry;
 pub mod grid;
+pub mod kept;
 pub mod lbvh;
 pub mod math;
 pub mod mem;
@@ -48,9 +47,9 @@ pub mod prbvh;
 pub mod ray;
 pub mod refit;
 pub mod setup;
-pub mod snapshot;
 pub mod sort;
 pub mod status;
+pub mod sum;
 pub mod trace;
 
 #[cfg(not(target_arch = "spirv"))]

@@ -103,16 +103,24 @@ atomic_word!(
 );
 
 impl AtomicU32 {
-    /// Relaxed addition.
+    /// Relaxed addition; returns what was there before.
     #[inline(always)]
-    pub fn add(&self, value: u32) {
+    pub fn add(&self, value: u32) -> u32 {
         #[cfg(target_arch = "spirv")]
         // SAFETY: an atomic access to a live element of a storage buffer.
-        unsafe {
-            spirv_std::arch::atomic_i_add::<u32, SCOPE, RELAXED>(&mut *self.0.get(), value);
-        }
+        return unsafe { spirv_std::arch::atomic_i_add::<u32, SCOPE, RELAXED>(&mut *self.0.get(), value) };
         #[cfg(not(target_arch = "spirv"))]
-        self.native().fetch_add(value, Ordering::Relaxed);
+        return self.native().fetch_add(value, Ordering::Relaxed);
+    }
+
+    /// Relaxed exchange; returns what was there before.
+    #[inline(always)]
+    pub fn swap(&self, value: u32) -> u32 {
+        #[cfg(target_arch = "spirv")]
+        // SAFETY: an atomic access to a live element of a storage buffer.
+        return unsafe { spirv_std::arch::atomic_exchange::<u32, SCOPE, RELAXED>(&mut *self.0.get(), value) };
+        #[cfg(not(target_arch = "spirv"))]
+        return self.native().swap(value, Ordering::Relaxed);
     }
 
     /// Relaxed bitwise or.

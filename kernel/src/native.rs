@@ -46,8 +46,8 @@ pub enum Bytes<'a> {
 
 /// Runs the invocations of a dispatch in some order.
 pub trait Dispatcher {
-    /// Calls `invocation` once for each number below `count`.
-    fn for_each(&self, count: u32, invocation: impl Fn(u32) + Sync + Send);
+    /// Calls `invocation` once for each number below `count`, of which `grain` are worth a thread.
+    fn for_each(&self, count: u32, grain: u32, invocation: impl Fn(u32) + Sync + Send);
 }
 
 /// A parameter type of an entry.

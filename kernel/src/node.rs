@@ -74,55 +74,52 @@ fn parent_of_right(up: u32) -> u32 {
     if up == NO_NODE { NO_NODE } else { up & !RIGHT }
 }
 
-/// A [`Node`] as one vector of four 64-bit words, for kernels that load whole nodes: where loads are made lane by lane, as on lavapipe, a vector
-/// costs little more than a word, and a wide word no more than a narrow one.
+/// Four words that are loaded at once.
 #[cfg_attr(target_arch = "spirv", rust_gpu::vector::v1)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
+struct Quad {
+    x: u32,
+    y: u32,
+    z: u32,
+    w: u32,
+}
+
+/// A [`Node`] as two vectors of four words, for kernels that walk: a GPU loads a vector as fast as a word, and where loads are made lane by lane, as on
+/// lavapipe, it costs little more.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct WideNode {
-    min_x_y: u64,
-    min_z_up: u64,
-    max_x_y: u64,
-    max_z_down: u64,
+    low: Quad,
+    high: Quad,
 }
 
 const _: () = assert!(size_of::<WideNode>() == size_of::<Node>());
-
-#[inline(always)]
-fn low(words: u64) -> u32 {
-    words as u32
-}
-
-#[inline(always)]
-fn high(words: u64) -> u32 {
-    (words >> 32) as u32
-}
 
 impl WideNode {
     /// The node.
     #[inline(always)]
     pub fn node(self) -> Node {
+        let Self { low, high } = self;
         Node {
-            min: [
-                f32::from_bits(low(self.min_x_y)),
-                f32::from_bits(high(self.min_x_y)),
-                f32::from_bits(low(self.min_z_up)),
-            ],
-            up: high(self.min_z_up),
-            max: [
-                f32::from_bits(low(self.max_x_y)),
-                f32::from_bits(high(self.max_x_y)),
-                f32::from_bits(low(self.max_z_down)),
-            ],
-            down: high(self.max_z_down),
+            min: [f32::from_bits(low.x), f32::from_bits(low.y), f32::from_bits(low.z)],
+            up: low.w,
+            max: [f32::from_bits(high.x), f32::from_bits(high.y), f32::from_bits(high.z)],
+            down: high.w,
         }
     }
 }
 
 /// Arrays whose nodes are loaded as a whole.
-pub trait WholeNodes {
+pub trait WholeNodes: Links {
     /// Node `v`.
     fn whole(&self, v: u32) -> Node;
+
+    /// Box of node `v`.
+    #[inline(always)]
+    fn box_of(&self, v: u32) -> Aabb {
+        self.whole(v).aabb()
+    }
 
     /// Parent and sibling of a node, which is not the root.
     #[inline(always)]
@@ -142,15 +139,6 @@ pub trait WholeNodes {
 }
 
 impl WholeNodes for [Node] {
-    #[inline(always)]
-    fn whole(&self, v: u32) -> Node {
-        self[v as usize]
-    }
-}
-
-/// A reference to a vector is no reference to a slice where the type is a parameter.
-#[cfg(not(target_arch = "spirv"))]
-impl WholeNodes for Vec<Node> {
     #[inline(always)]
     fn whole(&self, v: u32) -> Node {
         self[v as usize]
@@ -275,6 +263,17 @@ impl Links for [Node] {
     #[inline(always)]
     fn down(&self, v: u32) -> u32 {
         self[v as usize].down
+    }
+}
+
+impl Links for [WideNode] {
+    #[inline(always)]
+    fn up(&self, v: u32) -> u32 {
+        self[v as usize].low.w
+    }
+    #[inline(always)]
+    fn down(&self, v: u32) -> u32 {
+        self[v as usize].high.w
     }
 }
 

@@ -1,9 +1,9 @@
-//! What a kernel reports to the host: counts and faults, in one small buffer.
+//! What a kernel reports to the host: counts and faults, in rows of a small buffer.
 
 use crate::mem::AtomicU32;
 
-/// Words of the report buffer.
-pub const REPORT_WORDS: u32 = 8;
+/// Words of a row.
+pub const REPORT_WORDS: u32 = 16;
 
 /// Reinsertions that the search found.
 pub const FOUND: usize = 0;
@@ -15,9 +15,22 @@ pub const APPLIED: usize = 2;
 pub const FAULTS: usize = 3;
 /// Most steps that a single search took.
 pub const MOST_STEPS: usize = 4;
-
-/// Nodes on the list of candidates.
-pub const CANDIDATES: usize = 5;
+/// Nodes whose boxes the searches looked at.
+pub const VISITS: usize = 5;
+/// Two words: a [`Sum`](crate::sum::Sum) of what the reinsertions made promise.
+pub const PREDICTED: usize = 6;
+/// Two words: a sum of what areas lost.
+pub const SHRUNK: usize = 8;
+/// Two words: a sum of what areas gained.
+pub const GREW: usize = 10;
+/// Nodes on the ways up from what moved.
+pub const MARKED: usize = 12;
+/// Of these, the ones that got their boxes.
+pub const REFITTED: usize = 13;
+/// Nodes on the fringe, below which nobody has looked.
+pub const FRINGE: usize = 14;
+/// Nodes that were searched.
+pub const SEARCHED: usize = 15;
 
 /// A device ended a search before it was done or at its bound.
 pub const FAULT_SEARCH_STEPS: u32 = 1;
@@ -26,8 +39,23 @@ pub const FAULT_BROKEN_TREE: u32 = 2;
 /// A device ended the work on a treelet before it was done.
 pub const FAULT_TREELET: u32 = 4;
 
-/// Raises fault bits.
+/// Raises fault bits in the row that begins with word `row`.
 #[inline(always)]
-pub fn raise(report: &[AtomicU32], faults: u32) {
-    report[FAULTS].or(faults);
+pub fn raise(report: &[AtomicU32], row: u32, faults: u32) {
+    report[row as usize + FAULTS].or(faults);
+}
+
+/// Raises a word of a row to `value`. Most callers have a lower one: a read costs less than to own the word.
+#[inline(always)]
+pub fn raise_most(report: &[AtomicU32], row: u32, word: usize, value: u32) {
+    let word = &report[row as usize + word];
+    if value > word.load() {
+        word.max(value);
+    }
+}
+
+/// Adds to a word of a row.
+#[inline(always)]
+pub fn count(report: &[AtomicU32], row: u32, word: usize, more: u32) {
+    report[row as usize + word].add(more);
 }

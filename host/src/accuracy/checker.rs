@@ -34,7 +34,7 @@ impl<'a> NumericsCheck<'a> {
     #[must_use]
     pub fn new(scene: &'a Scene, settings: &Settings) -> Self {
         // Only the published order searches with one set of parameters in an iteration.
-        let is_single = settings.optimizer == Optimizer::Prbvh && settings.prbvh.order == Order::Interleaved;
+        let is_single = settings.optimizer == Optimizer::Prbvh && settings.prbvh.order == Order::Published;
         let strategy = is_single.then_some(settings.prbvh.strategy);
         let report =
             AccuracyReport { cost_bound: F32_COST_BOUND, search: None, breaches: Vec::new(), rows: Vec::new() };

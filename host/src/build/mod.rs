@@ -22,7 +22,6 @@ pub use from_file::{TreeOfFileError, from_file};
 pub use lbvh::lbvh;
 pub use order::MortonBits;
 pub use ploc::{DEFAULT_RADIUS, ploc};
-pub(crate) use scan::Scanner;
 pub use sweep::sah_sweep;
 pub use treelet::{TreeletSize, TreeletSizeError};
 

@@ -12,7 +12,7 @@ use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use prbvh::build::{DEFAULT_RADIUS, MortonBits, TreeletSize};
 use prbvh::device::DeviceChoice;
-use prbvh::optimize::{Epsilon, MoveKind, Order, PrbvhSettings, Strategy};
+use prbvh::optimize::{Epsilon, Order, PrbvhSettings, Strategy};
 use prbvh::pipeline::{Initial, Settings};
 use std::ffi::OsString;
 use std::num::NonZeroU32;
@@ -76,15 +76,12 @@ pub(super) struct OptimizeArgs {
     /// Bits of the Morton codes that the initial tree is built from.
     #[arg(long, value_enum, default_value_t)]
     pub(super) morton_bits: MortonBitsArg,
-    /// When a reinsertion may run beside others.
-    #[arg(long, value_enum, default_value_t)]
-    pub(super) strategy: StrategyArg,
+    /// Of the published order: when a reinsertion may run beside others [default: aggressive].
+    #[arg(long, value_enum)]
+    pub(super) strategy: Option<StrategyArg>,
     /// Which nodes PRBVH searches first.
     #[arg(long, value_enum, default_value_t)]
     pub(super) order: OrderArg,
-    /// What an iteration moves.
-    #[arg(long, value_enum, default_value_t)]
-    pub(super) moves: MovesArg,
     /// Settings that were chosen by measurement, in place of those of the initial tree and the optimiser.
     #[arg(long, value_enum, conflicts_with_all = PRESET_SETS)]
     pub(super) preset: Option<PresetArg>,
@@ -92,10 +89,10 @@ pub(super) struct OptimizeArgs {
     pub(super) target: TargetArgs,
     #[command(flatten)]
     pub(super) optimizer: OptimizerArgs,
-    /// Search every µ-th node in an iteration; falls to 1 as the cost settles [default: 9].
+    /// Of the published order: search every µ-th node in an iteration; falls to 1 as the cost settles [default: 9].
     #[arg(long, value_name = "µ", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub(super) mu: Option<u32>,
-    /// Change of the cost that counts as none, as a part of the initial cost [default: 0.0001].
+    /// Of the published order: change of the cost that counts as none, as a part of the initial cost [default: 0.0001].
     #[arg(long, value_name = "PART", value_parser = not_negative, allow_negative_numbers = true)]
     pub(super) epsilon: Option<f64>,
     /// The same in the unit of the cost; the paper has 0.1.
@@ -165,18 +162,14 @@ impl OptimizeArgs {
             },
             prbvh: PrbvhSettings {
                 order: match self.order {
-                    OrderArg::Interleaved => Order::Interleaved,
-                    OrderArg::LargestFirst => Order::LargestFirst,
+                    OrderArg::WorstFirst => Order::WorstFirst,
+                    OrderArg::Published => Order::Published,
                 },
-                strategy: match self.strategy {
+                strategy: match self.strategy.unwrap_or_default() {
                     StrategyArg::Aggressive => Strategy::Aggressive,
                     StrategyArg::Conservative => Strategy::Conservative,
                 },
                 mu: self.mu.unwrap_or(defaults.mu),
-                moves: match self.moves {
-                    MovesArg::Single => MoveKind::Single,
-                    MovesArg::Dual => MoveKind::Dual,
-                },
                 epsilon,
                 ..defaults
             },
@@ -219,22 +212,13 @@ pub(super) enum StrategyArg {
     Conservative,
 }
 
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum OrderArg {
-    /// All in turn, as published.
+    /// Those that look worst, few at first and then ever more of them; both children of each move.
     #[default]
-    Interleaved,
-    /// Those that may gain most, and then ever more of them: most of the gain comes early.
-    LargestFirst,
-}
-
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
-pub(super) enum MovesArg {
-    /// Single subtrees.
-    #[default]
-    Single,
-    /// Both children of internal nodes at once too: slower iterations, a lower cost in the end.
-    Dual,
+    WorstFirst,
+    /// All in turn, as published (Meister & Bittner 2018); single subtrees move.
+    Published,
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]

@@ -1,6 +1,6 @@
 //! `prbvh optimize`, and `prbvh` alone.
 
-use super::args::{OptimizeArgs, OrderArg, StrategyArg};
+use super::args::OptimizeArgs;
 use super::interrupt::Interrupt;
 use super::log::Log;
 use super::{load_scene, print};
@@ -9,7 +9,7 @@ use clap::ValueEnum;
 use prbvh::accuracy::{self, AccuracyReport, NumericsCheck};
 use prbvh::bvh::{self, SahModel};
 use prbvh::device::{self, Device};
-use prbvh::optimize::{Epsilon, IterationRow, Limits, StopReason};
+use prbvh::optimize::{Epsilon, IterationRow, Limits, Order, StopReason};
 use prbvh::pipeline::{self, Initial, Optimized, Optimizer, Settings};
 use prbvh::plan::{DeviceCode, Plan};
 use prbvh::reference::{ReferenceCost, ReferenceCosts};
@@ -160,9 +160,9 @@ fn report(
                 Initial::Atrbvh { treelet } => Some(treelet.get()),
                 _ => None,
             },
-            strategy: value_name::<StrategyArg>(args.strategy),
-            order: value_name::<OrderArg>(args.order),
-            moves: settings.prbvh.moves.to_string(),
+            strategy: settings.prbvh.strategy.to_string(),
+            order: settings.prbvh.order.to_string(),
+            worst_first: (settings.prbvh.order == Order::WorstFirst).then_some(settings.prbvh.worst_first),
             optimizer: settings.optimizer.to_string(),
             fold_duplicates: settings.fold_duplicates,
             rbvh: match &settings.optimizer {

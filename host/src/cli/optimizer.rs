@@ -1,6 +1,6 @@
 //! The arguments that choose the optimiser.
 
-use super::args::OptimizeArgs;
+use super::args::{OptimizeArgs, OrderArg};
 use clap::{Args, ValueEnum};
 use prbvh::optimize::RbvhSettings;
 use prbvh::pipeline::Optimizer;
@@ -57,6 +57,12 @@ impl OptimizerArgs {
                 anyhow::bail!("{argument} is for --optimizer {name}, not for {chosen}");
             }
         }
+        let published = [&prbvh[..], &[("--strategy", args.strategy.is_some())]].concat();
+        if args.order == OrderArg::WorstFirst
+            && let Some((argument, _)) = published.iter().find(|(_, is_set)| *is_set)
+        {
+            anyhow::bail!("{argument} is for --order published, not for worst-first");
+        }
         Ok(chosen)
     }
 }
@@ -79,7 +85,7 @@ mod tests {
     fn an_optimizer_takes_its_own_settings_only() {
         let optimizer = |arguments: &str| settings(arguments).map(|settings| settings.optimizer);
         assert_eq!(optimizer(""), Ok(Optimizer::Prbvh));
-        assert_eq!(optimizer("--optimizer prbvh --mu 4 --epsilon 0"), Ok(Optimizer::Prbvh));
+        assert_eq!(optimizer("--optimizer prbvh --order published --mu 4 --epsilon 0"), Ok(Optimizer::Prbvh));
         assert_eq!(optimizer("--optimizer none"), Ok(Optimizer::None));
         assert_eq!(optimizer("--optimizer rbvh"), Ok(Optimizer::Rbvh(RbvhSettings::default())));
         let expected = RbvhSettings {
@@ -96,6 +102,8 @@ mod tests {
             ("--optimizer rbvh --epsilon-absolute 0.1", "--epsilon-absolute is for --optimizer prbvh"),
             ("--batch 0.1", "--batch is for --optimizer rbvh, not for prbvh"),
             ("--optimizer none --seed 1", "--seed is for --optimizer rbvh, not for none"),
+            ("--mu 9", "--mu is for --order published, not for worst-first"),
+            ("--strategy conservative", "--strategy is for --order published, not for worst-first"),
             ("--optimizer rbvh --batch 0", "above 0 and at most 1"),
             ("--optimizer rbvh --batch 1.5", "above 0 and at most 1"),
             ("--optimizer rbvh --batch nan", "above 0 and at most 1"),

@@ -5,13 +5,12 @@ use prbvh::pipeline::Settings;
 use prbvh::presets::Preset;
 
 /// Arguments whose settings a preset has: beside it they are refused. Limits, targets and leaves may stand beside it.
-pub(super) const PRESET_SETS: [&str; 12] = [
+pub(super) const PRESET_SETS: [&str; 11] = [
     "initial",
     "radius",
     "treelet",
     "strategy",
     "order",
-    "moves",
     "optimizer",
     "batch",
     "seed",
@@ -75,8 +74,7 @@ mod tests {
             "--radius 9",
             "--treelet 9",
             "--strategy aggressive",
-            "--order interleaved",
-            "--moves dual",
+            "--order published",
             "--optimizer prbvh",
             "--batch 0.1",
             "--seed 1",

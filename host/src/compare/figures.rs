@@ -1,6 +1,6 @@
 //! The runs that only the figures show.
 
-use super::methods::{Builder, Job, prbvh};
+use super::methods::{Builder, Job, published, worst_first};
 use super::{OptimizerRun, Purpose};
 use crate::build::DEFAULT_RADIUS;
 #[cfg(feature = "atrbvh")]
@@ -24,15 +24,15 @@ const STRATEGIES: [Strategy; 1] = [Strategy::Conservative];
 /// The runs that the figures need beside those of the table.
 pub(super) fn jobs(table: &[Job]) -> Vec<(Purpose, Job)> {
     let default = PrbvhSettings::default().mu;
-    let mu = MU.map(|mu| (Purpose::Mu, prbvh(Settings::default(), mu)));
+    let mu = MU.map(|mu| (Purpose::Mu, published(Settings::default(), mu)));
     let strategies = STRATEGIES.iter().map(|&strategy| {
         let optimizer = PrbvhSettings { strategy, ..PrbvhSettings::default() };
         let settings = Settings { prbvh: optimizer, ..Settings::default() };
-        (Purpose::Strategy, prbvh(settings, default))
+        (Purpose::Strategy, published(settings, default))
     });
     let initial = INITIAL.iter().map(|initial| {
         let settings = Settings { initial: initial.clone(), ..Settings::default() };
-        (Purpose::Initial, prbvh(settings, default))
+        (Purpose::Initial, worst_first(settings))
     });
     let is_in_table =
         |job: &Job| table.iter().any(|other| settings(other).is_some() && settings(other) == settings(job));

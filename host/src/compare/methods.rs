@@ -7,7 +7,7 @@ use crate::build::MortonBits;
 #[cfg(feature = "atrbvh")]
 use crate::build::TreeletSize;
 use crate::device::cpu::CpuDevice;
-use crate::optimize::{self, IterationRow, MoveKind, Order, PrbvhSettings, RbvhSettings};
+use crate::optimize::{self, IterationRow, Order, PrbvhSettings, RbvhSettings};
 use crate::pipeline::{Initial, Optimizer, Settings};
 use crate::presets::{self, Candidate};
 use prbvh_kernel::node::Node;
@@ -104,18 +104,9 @@ const METHODS: &[Entry] = &[
     Entry {
         name: "prbvh",
         is_default: true,
-        jobs: |settings| settings.mu.iter().map(|&mu| prbvh(Settings::default(), mu)).collect(),
+        jobs: |settings| settings.mu.iter().map(|&mu| published(Settings::default(), mu)).collect(),
     },
-    Entry {
-        name: "prbvh-largest-first",
-        is_default: true,
-        jobs: |_| {
-            let optimizer = PrbvhSettings { order: Order::LargestFirst, ..PrbvhSettings::default() };
-            let settings = Settings { prbvh: optimizer, ..Settings::default() };
-            vec![Job { method: "prbvh largest first".to_owned(), ..prbvh(settings, PrbvhSettings::default().mu) }]
-        },
-    },
-    Entry { name: "prbvh-dual", is_default: true, jobs: |_| vec![prbvh_dual(PrbvhSettings::default().mu)] },
+    Entry { name: "worst-first", is_default: true, jobs: |_| vec![worst_first(Settings::default())] },
     Entry {
         name: "sah-sweep",
         is_default: true,
@@ -138,17 +129,17 @@ fn initial(method: String, initial: Initial) -> Job {
     Job { method, mu: None, builder: Builder::Pipeline(settings) }
 }
 
-/// PRBVH with `settings` but for its first µ.
-pub(super) fn prbvh(settings: Settings, mu: u32) -> Job {
-    let prbvh = PrbvhSettings { mu, ..settings.prbvh.clone() };
+/// PRBVH as published, with `settings` but for order and first µ.
+pub(super) fn published(settings: Settings, mu: u32) -> Job {
+    let prbvh = PrbvhSettings { order: Order::Published, mu, ..settings.prbvh.clone() };
     Job { method: "prbvh".to_owned(), mu: Some(mu), builder: Builder::Pipeline(Settings { prbvh, ..settings }) }
 }
 
-/// PRBVH with dual moves.
-fn prbvh_dual(mu: u32) -> Job {
-    let prbvh = PrbvhSettings { mu, moves: MoveKind::Dual, ..PrbvhSettings::default() };
-    let builder = Builder::Pipeline(Settings { prbvh, ..Settings::default() });
-    Job { method: "prbvh dual".to_owned(), mu: Some(mu), builder }
+/// PRBVH, the worst nodes first, with `settings` but for the order.
+pub(super) fn worst_first(settings: Settings) -> Job {
+    let prbvh = PrbvhSettings { order: Order::WorstFirst, ..settings.prbvh.clone() };
+    let builder = Builder::Pipeline(Settings { prbvh, ..settings });
+    Job { method: "prbvh worst first".to_owned(), mu: None, builder }
 }
 
 /// A setting that presets are chosen from; none where this program was built without its initial tree.
@@ -268,7 +259,7 @@ mod tests {
     #[test]
     fn an_unknown_name_is_refused_with_the_known_ones() {
         let error = methods(&["lbvh", "magic"]).unwrap_err().to_string();
-        for part in ["`magic`", "ploc, rbvh, prbvh, prbvh-largest-first, prbvh-dual, sah-sweep, sah-binned"] {
+        for part in ["`magic`", "ploc, rbvh, prbvh, worst-first, sah-sweep, sah-binned"] {
             assert!(error.contains(part), "{error}");
         }
     }

@@ -1,7 +1,8 @@
 //! The kernels on the CPU, behind the same interface as a GPU.
 
 use super::{Buffer, Command, Device, DeviceError, DeviceInfo, DeviceKind, MemoryUse, Recording, Timing};
-use prbvh_cpu_sim::{BufferId, CpuSim, Order};
+use prbvh_cpu_sim::{BufferId, CpuSim, Order, Pages};
+use prbvh_kernel::node::Node;
 use std::time::Instant;
 
 /// The CPU as a device.
@@ -58,7 +59,9 @@ impl Device for CpuDevice {
             device: self.info.name.clone(),
         };
         let bytes = length.checked_mul(element_bytes).ok_or_else(refused)?;
-        let BufferId(id) = self.sim.allocate(bytes).map_err(|_| refused())?;
+        // Trees are walked; of other buffers an optimiser may touch little.
+        let pages = if element_bytes == size_of::<Node>() { Pages::Large } else { Pages::Small };
+        let BufferId(id) = self.sim.allocate(bytes, pages).map_err(|_| refused())?;
         self.memory.bytes += bytes as u64;
         self.memory.peak_bytes = self.memory.peak_bytes.max(self.memory.bytes);
         Ok(Buffer { id, label, length, element_bytes })
@@ -85,7 +88,11 @@ impl Device for CpuDevice {
             match command {
                 Command::Dispatch(dispatch) => {
                     let buffers: Vec<BufferId> = dispatch.buffers.iter().map(id).collect();
-                    sim.dispatch(dispatch.kernel, dispatch.count, &dispatch.push, &buffers);
+                    let count = dispatch.counted.as_ref().map_or(dispatch.count, |counted| {
+                        let bytes = &sim.bytes(id(&counted.buffer))[4 * counted.word..][..4];
+                        bytemuck::pod_read_unaligned::<u32>(bytes).min(dispatch.count)
+                    });
+                    sim.dispatch(dispatch.kernel, count, &dispatch.push, &buffers);
                 }
                 Command::Clear(buffer) => sim.clear(id(buffer)),
                 Command::Copy { from, to } => {

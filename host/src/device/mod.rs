@@ -12,7 +12,7 @@ mod watched;
 pub use layer::Layer;
 pub(crate) use lease::Lease;
 pub(crate) use pieces::read_pieces;
-pub use record::{Buffer, Command, Dispatch, Recording};
+pub use record::{Buffer, Command, Counted, Dispatch, Recording};
 pub use select::{DeviceChoice, NoSuchChoice, open};
 pub(crate) use watched::Watched;
 

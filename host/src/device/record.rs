@@ -34,6 +34,18 @@ pub struct Dispatch {
     pub push: Vec<u8>,
     /// One buffer per binding.
     pub buffers: Vec<Buffer>,
+    /// Where the device finds how many invocations there are; without, there are [`Dispatch::count`] of them.
+    pub counted: Option<Counted>,
+}
+
+/// The number of invocations of a dispatch, in four words of a buffer: the number itself, and its workgroups along three axes
+/// ([`prbvh_kernel::grid::workgroups`]). A device may run as many as the workgroups have.
+#[derive(Clone, Debug)]
+pub struct Counted {
+    /// The buffer.
+    pub buffer: Buffer,
+    /// Its first word.
+    pub word: usize,
 }
 
 /// Something for a device to do.
@@ -86,6 +98,28 @@ impl Recording {
         self.dispatch_bytes(label, kernel, count, bytemuck::bytes_of(params), buffers);
     }
 
+    /// Adds a dispatch of as many invocations as the four words from `word` on of `counts` say when it runs, `most` at the most.
+    ///
+    /// # Panics
+    /// As [`Recording::dispatch`], and if `counts` has no such words.
+    #[allow(clippy::too_many_arguments, reason = "those of a dispatch and where its number is")]
+    pub fn dispatch_counted<P: bytemuck::Pod>(
+        &mut self,
+        label: &'static str,
+        kernel: Kernel,
+        most: u32,
+        params: &P,
+        buffers: &[&Buffer],
+        counts: &Buffer,
+        word: usize,
+    ) {
+        assert!(counts.bytes() >= 4 * (word as u64 + 4), "{} has no four words from {word} on", counts.label);
+        self.dispatch(label, kernel, most, params, buffers);
+        if let Some((_, Command::Dispatch(dispatch))) = self.commands.last_mut() {
+            dispatch.counted = Some(Counted { buffer: counts.clone(), word });
+        }
+    }
+
     /// Adds a dispatch whose push constants are bytes already.
     ///
     /// # Panics
@@ -110,7 +144,7 @@ impl Recording {
         }
         let buffers = buffers.iter().map(|&buffer| buffer.clone()).collect();
         let push = push.to_vec();
-        self.commands.push((label, Command::Dispatch(Dispatch { kernel, count, push, buffers })));
+        self.commands.push((label, Command::Dispatch(Dispatch { kernel, count, push, buffers, counted: None })));
     }
 
     /// Adds the clearing of a buffer.

@@ -1,25 +1,24 @@
-//! The optimisers: PRBVH iterations until nothing is gained, and sequential RBVH to compare with; the best tree is kept.
+//! The optimisers: rounds of PRBVH until nothing is gained, and sequential RBVH to compare with; the best tree is kept.
 
+mod areas;
 mod current;
-mod descent;
-mod dual;
 mod limits;
 mod moves;
 mod prbvh;
+mod published;
 mod rbvh;
 mod row;
 mod schedule;
-mod searching;
+mod worst_first;
 
+pub use areas::{TreeAreas, measure};
 pub use current::CurrentTree;
-pub use dual::MoveKind;
 pub use limits::Limits;
 pub use moves::Strategy;
-pub use prbvh::{Outcome, prbvh};
+pub use prbvh::{Outcome, prbvh, prbvh_from};
 pub(crate) use rbvh::rbvh_of;
 pub use rbvh::{RbvhSettings, RbvhTree, rbvh};
-pub use schedule::{Epsilon, Order, PrbvhSettings, StopReason};
+pub use schedule::{Epsilon, Order, PrbvhSettings, StopReason, WorstFirst};
 
 pub use row::IterationRow;
 pub(crate) use row::set_relative_errors;
-pub(crate) use searching::kernels_of_list;

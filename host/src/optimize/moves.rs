@@ -1,10 +1,12 @@
-//! Which reinsertions an iteration makes: search, lock, check, by either strategy.
+//! What every round has: buffers of moves, of locks and of the best tree; lock, check, reinsert.
 
-use super::searching::Searching;
-use crate::build::Scratch;
+use crate::build::{DeviceTree, Scratch};
 use crate::device::{Buffer, Device, DeviceError, Recording};
 use prbvh_kernel::Kernel;
-use prbvh_kernel::prbvh::{PrbvhParams, Reinsertion};
+use prbvh_kernel::kept::{Kept, RestoreParams};
+use prbvh_kernel::prbvh::worst::RoundParams;
+use prbvh_kernel::prbvh::worst::books::{BOOKS_WORDS, OVER_LIST};
+use prbvh_kernel::prbvh::{LAST, Move, PrbvhParams, ROUNDS, SECOND_WORD};
 use serde::Serialize;
 use std::fmt;
 
@@ -32,96 +34,127 @@ impl fmt::Display for Strategy {
 
 /// Locks of one 64-bit word, or of two of 32 bits where the device has no 64-bit atomics.
 #[derive(Debug)]
-pub(super) enum Locks {
+enum Locks {
     Word(Buffer),
-    Words { decreases: Buffer, inputs: Buffer },
+    Words { decreases: Buffer, claims: Buffer },
 }
 
-/// Buffers of search, lock and check.
+/// Buffers of lock, check and reinsert.
 #[derive(Debug)]
 pub(super) struct Moves {
-    searching: Searching,
+    nodes: Buffer,
     /// After the check: what moves.
     pub(super) found: Buffer,
-    pub(super) locks: Locks,
-    /// Of the conservative strategy.
-    tops: Option<Buffer>,
+    locks: Locks,
+    /// Children of nodes in the best tree.
+    kept: Buffer,
+    pub(super) books: Buffer,
+    pub(super) report: Buffer,
 }
 
 impl Moves {
+    /// Room for `found` moves at a time, and for a report of `report` words.
     pub(super) fn new(
         device: &mut dyn Device,
         scratch: &mut Scratch,
-        strategy: Strategy,
-        nodes: usize,
+        tree: &DeviceTree,
+        found: usize,
+        report: u32,
     ) -> Result<Self, DeviceError> {
         let atomics_64 = device.info().atomics_64;
-        let searching = Searching::new(device, scratch)?;
-        let mut buffer = |label, length, bytes| scratch.allocate(device, label, length, bytes);
-        let found = buffer("found", nodes, size_of::<Reinsertion>())?;
-        let tops = match strategy {
-            Strategy::Aggressive => None,
-            Strategy::Conservative => Some(buffer("tops", nodes, 4)?),
-        };
+        let mut buffer = |label, length: usize, bytes| scratch.allocate(device, label, length.max(1), bytes);
+        let length = tree.nodes.length;
         let locks = if atomics_64 {
-            Locks::Word(buffer("locks", nodes, 8)?)
+            Locks::Word(buffer("locks", length, 8)?)
         } else {
-            Locks::Words {
-                decreases: buffer("locked decreases", nodes, 4)?,
-                inputs: buffer("locked inputs", nodes, 4)?,
-            }
+            Locks::Words { decreases: buffer("locked decreases", length, 4)?, claims: buffer("claims", length, 4)? }
         };
-        Ok(Self { searching, found, locks, tops })
+        Ok(Self {
+            nodes: tree.nodes.clone(),
+            found: buffer("found", found, size_of::<Move>())?,
+            locks,
+            kept: buffer("kept children", length / 2, size_of::<Kept>())?,
+            books: buffer("books", BOOKS_WORDS as usize, 4)?,
+            report: buffer("report", report as usize, 4)?,
+        })
     }
 
     /// Records that all nodes are free.
-    pub(super) fn clear_locks(&self, recording: &mut Recording, label: &'static str) {
+    pub(super) fn clear_locks(&self, recording: &mut Recording) {
         match &self.locks {
-            Locks::Word(locks) => recording.clear(label, locks),
-            Locks::Words { decreases, inputs } => {
-                recording.clear(label, decreases);
-                recording.clear(label, inputs);
+            Locks::Word(locks) => recording.clear("lock", locks),
+            Locks::Words { decreases, claims } => {
+                recording.clear("lock", decreases);
+                recording.clear("lock", claims);
             }
         }
     }
 
-    /// Records search, lock and check over the tree `nodes`, of every node or of those on a list. Whoever finds nothing is struck off the list.
-    pub(super) fn record(
+    /// Records a dispatch over the moves; over those of the list, if there are [rounds of locks](ROUNDS).
+    pub(super) fn dispatch(
         &self,
         recording: &mut Recording,
+        label: &'static str,
+        kernel: Kernel,
         params: &PrbvhParams,
-        candidates: Option<&Buffer>,
-        nodes: &Buffer,
-        report: &Buffer,
+        buffers: &[&Buffer],
     ) {
-        let Self { searching, found, locks, tops } = self;
-        self.clear_locks(recording, "lock");
-        searching.record(recording, params, candidates, nodes, found, tops.as_ref(), report);
-        let mut dispatch = |label, kernel, buffers: &[&Buffer]| {
+        if params.has(ROUNDS) {
+            recording.dispatch_counted(label, kernel, params.count, params, buffers, &self.books, OVER_LIST);
+        } else {
             recording.dispatch(label, kernel, params.count, params, buffers);
-        };
-        if let Some(list) = candidates {
-            dispatch("search", Kernel::PrbvhStrike, &[found, list]);
         }
-        match (locks, tops) {
-            (Locks::Word(locks), None) => {
-                dispatch("lock", Kernel::PrbvhLock, &[nodes, found, locks]);
-                dispatch("check", Kernel::PrbvhCheck, &[nodes, locks, found, report]);
+    }
+
+    /// Records a lock and a check.
+    pub(super) fn record_lock(&self, recording: &mut Recording, params: &PrbvhParams) {
+        let Self { nodes, found, report, .. } = self;
+        let mut dispatch =
+            |label, kernel, params: &_, buffers: &[&Buffer]| self.dispatch(recording, label, kernel, params, buffers);
+        match &self.locks {
+            Locks::Word(locks) => {
+                dispatch("lock", Kernel::PrbvhLock, params, &[nodes, found, locks]);
+                dispatch("check", Kernel::PrbvhCheck, params, &[nodes, locks, found, report]);
             }
-            (Locks::Word(locks), Some(tops)) => {
-                dispatch("lock", Kernel::ConservativeLock, &[nodes, found, tops, locks]);
-                dispatch("check", Kernel::ConservativeCheck, &[nodes, tops, locks, found, report]);
-            }
-            (Locks::Words { decreases, inputs }, None) => {
-                dispatch("lock", Kernel::PrbvhLockDecrease, &[nodes, found, decreases]);
-                dispatch("lock", Kernel::PrbvhLockInput, &[nodes, found, decreases, inputs]);
-                dispatch("check", Kernel::PrbvhCheckWords, &[nodes, decreases, inputs, found, report]);
-            }
-            (Locks::Words { decreases, inputs }, Some(tops)) => {
-                dispatch("lock", Kernel::ConservativeLockDecrease, &[nodes, found, tops, decreases]);
-                dispatch("lock", Kernel::ConservativeLockInput, &[nodes, found, tops, decreases, inputs]);
-                dispatch("check", Kernel::ConservativeCheckWords, &[nodes, tops, decreases, inputs, found, report]);
+            Locks::Words { decreases, claims } => {
+                let second = PrbvhParams { flags: params.flags | SECOND_WORD, ..*params };
+                let buffers = [nodes, found, decreases, claims];
+                dispatch("lock", Kernel::PrbvhLockWords, params, &buffers);
+                dispatch("lock", Kernel::PrbvhLockWords, &second, &buffers);
+                dispatch("check", Kernel::PrbvhCheckWords, params, &[nodes, decreases, claims, found, report]);
             }
         }
+    }
+
+    /// Records several locks and checks over the same tree; all nodes are free afterwards.
+    pub(super) fn record_lock_rounds(&self, recording: &mut Recording, params: &PrbvhParams, rounds: u32) {
+        for round in 1..=rounds {
+            let last = if round == rounds { LAST } else { 0 };
+            self.record_lock(recording, &PrbvhParams { flags: params.flags | ROUNDS | last, ..*params });
+        }
+    }
+
+    /// Records the moves that won.
+    pub(super) fn record_reinsert(&self, recording: &mut Recording, params: &PrbvhParams) {
+        let buffers = [&self.found, &self.nodes, &self.kept, &self.books, &self.report];
+        self.dispatch(recording, "reinsert", Kernel::PrbvhReinsert, params, &buffers);
+    }
+
+    /// Records a page of the books. `fringe` is any buffer of words where the page has no use for one.
+    pub(super) fn record_page(
+        &self,
+        recording: &mut Recording,
+        label: &'static str,
+        params: &RoundParams,
+        fringe: &Buffer,
+    ) {
+        let params = RoundParams { count: 1, ..*params };
+        recording.dispatch(label, Kernel::WorstBooks, 1, &params, &[&self.books, fringe, &self.report]);
+    }
+
+    /// Records that the best tree comes back, without its boxes.
+    pub(super) fn record_restore(&self, recording: &mut Recording, internal: u32, epoch: u32) {
+        let params = RestoreParams { count: internal, epoch };
+        recording.dispatch("keep best", Kernel::KeptRestore, internal, &params, &[&self.kept, &self.nodes]);
     }
 }

@@ -1,22 +1,12 @@
-//! The PRBVH iterations: search, lock, check, reinsert, refit, cost.
+//! PRBVH on a device: what both orders of search share.
 
-mod passes;
-
-use super::descent::{Candidates, Descent};
-use super::dual::DualMoves;
+use super::areas::{Measure, TreeAreas};
 use super::moves::Moves;
-use super::schedule::Schedule;
-use super::{IterationRow, MoveKind, Order, PrbvhSettings, StopReason, set_relative_errors};
-use crate::build::{DeviceTree, Scratch, arrivals_length, record_refit};
-use crate::bvh::SahModel;
-use crate::device::{Buffer, Device, DeviceError, Lease, Recording, Timing};
-use passes::{TRIES, Work};
-use prbvh_kernel::Kernel;
-use prbvh_kernel::cost::{COST_CHUNK, CostParams};
-use prbvh_kernel::prbvh::PrbvhParams;
-use prbvh_kernel::prbvh::decrease::DECREASE_CHUNK;
-use prbvh_kernel::snapshot::{NodeLinks, SnapshotParams};
-use prbvh_kernel::status::{APPLIED, FAULTS, FOUND, MOST_STEPS, OWNED, REPORT_WORDS};
+use super::{IterationRow, Order, PrbvhSettings, StopReason, published, set_relative_errors, worst_first};
+use crate::build::{DeviceTree, Scratch};
+use crate::device::{Device, DeviceError, Lease, Recording, Timing};
+use prbvh_kernel::status::{APPLIED, FOUND, MOST_STEPS, OWNED, PREDICTED, REPORT_WORDS, SEARCHED, VISITS};
+use prbvh_kernel::sum;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -42,6 +32,9 @@ impl Outcome {
     }
 }
 
+/// Sees the tree's every row, and may break.
+pub(super) type Observe<'a> = &'a mut dyn FnMut(&IterationRow, &DeviceTree, &mut dyn Device) -> ControlFlow<()>;
+
 /// Optimises a tree in place. `observe` sees the tree's every row and may break; the best tree so far is kept in every case.
 ///
 /// # Errors
@@ -52,290 +45,210 @@ pub fn prbvh(
     settings: &PrbvhSettings,
     observe: &mut dyn FnMut(&IterationRow, &DeviceTree, &mut dyn Device) -> ControlFlow<()>,
 ) -> Result<Outcome, DeviceError> {
+    prbvh_from(device, tree, None, settings, observe)
+}
+
+/// The same for a tree whose boxes are right and whose areas are [measured](super::measure()): nothing is done that its maker has done. Without areas the
+/// boxes are made anew first.
+///
+/// # Errors
+/// If the device fails.
+pub fn prbvh_from(
+    device: &mut dyn Device,
+    tree: &DeviceTree,
+    areas: Option<TreeAreas>,
+    settings: &PrbvhSettings,
+    observe: &mut dyn FnMut(&IterationRow, &DeviceTree, &mut dyn Device) -> ControlFlow<()>,
+) -> Result<Outcome, DeviceError> {
     let device = &mut Lease::new(device);
-    let mut working_set = WorkingSet::new(device, tree, settings)?;
-    let working_bytes = device.memory().bytes;
-    let (rows, stop) = working_set.run(device, settings, observe)?;
-    working_set.scratch.free(device);
+    let outcome = match settings.order {
+        Order::WorstFirst => worst_first::run(device, tree, areas, settings, observe)?,
+        Order::Published => published::run(device, tree, areas, settings, observe)?,
+    };
     // What the observer allocated is the observer's.
     device.keep();
-    Ok(Outcome { rows, stop, timings: working_set.timings, working_bytes })
+    Ok(outcome)
 }
 
+/// A row of the report of a device.
+pub(super) type Report = [u32; REPORT_WORDS as usize];
+
+/// Seconds since the start of a run.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Clock {
+    /// In all.
+    time_s: f64,
+    /// On the device.
+    device_s: f64,
+}
+
+/// A run on a device, whatever the order.
 #[derive(Debug)]
-struct WorkingSet<'a> {
-    tree: &'a DeviceTree,
-    internal: u32,
-    node_count: u32,
-    scratch: Scratch,
-    moves: Moves,
-    candidates: Option<Candidates>,
-    dual: Option<DualMoves>,
-    arrivals: Buffer,
-    /// What the last refit left in `arrivals`.
-    arrived: u32,
-    /// Partial sums of areas, and from `area_chunks` on of decreases.
-    partial: Buffer,
-    report: Buffer,
-    best_links: Buffer,
+pub(super) struct Session<'a> {
+    pub(super) tree: &'a DeviceTree,
+    pub(super) internal: u32,
+    pub(super) node_count: u32,
+    pub(super) scratch: Scratch,
+    pub(super) moves: Moves,
+    pub(super) measure: Measure,
+    pub(super) rows: Vec<IterationRow>,
+    start: Instant,
     timings: Vec<Timing>,
     device_s: f64,
-    /// Nodes on the list of candidates.
-    listed: u32,
 }
 
-impl<'a> WorkingSet<'a> {
-    fn new(device: &mut dyn Device, tree: &'a DeviceTree, settings: &PrbvhSettings) -> Result<Self, DeviceError> {
-        let node_count = DeviceTree::node_count(tree.references);
-        let length = node_count as usize;
+impl<'a> Session<'a> {
+    /// Room for `found` moves at a time and `report` rows of a report.
+    pub(super) fn new(
+        device: &mut dyn Device,
+        tree: &'a DeviceTree,
+        found: u32,
+        report: u32,
+    ) -> Result<Self, DeviceError> {
         let mut scratch = Scratch::default();
-        let internal = tree.references - 1;
-        let moves = Moves::new(device, &mut scratch, settings.strategy, length)?;
-        let candidates = match settings.order {
-            Order::Interleaved => None,
-            Order::LargestFirst => Some(Candidates::new(&mut scratch, device, node_count)?),
-        };
-        let dual = match settings.moves {
-            MoveKind::Single => None,
-            MoveKind::Dual => Some(DualMoves::new(device, &mut scratch, internal)?),
-        };
-        let mut buffer = |label, length, bytes| scratch.allocate(device, label, length, bytes);
-        let arrivals = buffer("arrivals", arrivals_length(tree.references), 4)?;
-        let searched = if dual.is_some() { internal.div_ceil(DECREASE_CHUNK) } else { 0 };
-        // The first sums are of the root, the leaves and the internal nodes.
-        let chunks = node_count.div_ceil(COST_CHUNK) + 2 + TRIES * node_count.div_ceil(DECREASE_CHUNK) + searched;
-        let partial = buffer("partial sums", chunks as usize, 4)?;
-        let report = buffer("report", REPORT_WORDS as usize, 4)?;
-        let best_links = buffer("best links", length, size_of::<NodeLinks>())?;
+        let moves = Moves::new(device, &mut scratch, tree, found as usize, REPORT_WORDS * report)?;
+        let measure = Measure::new(device, &mut scratch, tree, &moves.report)?;
         Ok(Self {
             tree,
-            internal,
-            node_count,
+            internal: tree.references - 1,
+            node_count: DeviceTree::node_count(tree.references),
             scratch,
             moves,
-            candidates,
-            dual,
-            arrivals,
-            arrived: 0,
-            partial,
-            report,
-            best_links,
+            measure,
+            rows: Vec::new(),
+            start: Instant::now(),
             timings: Vec::new(),
             device_s: 0.0,
-            listed: 0,
         })
     }
 
-    fn run(
+    /// Measures the tree and makes row 0; returns the faults of a tree that is none.
+    pub(super) fn begin(
         &mut self,
         device: &mut dyn Device,
-        settings: &PrbvhSettings,
-        observe: &mut dyn FnMut(&IterationRow, &DeviceTree, &mut dyn Device) -> ControlFlow<()>,
-    ) -> Result<(Vec<IterationRow>, StopReason), DeviceError> {
-        let start = Instant::now();
-        let (root, leaves, internal) = self.first_areas(device)?;
-        let faults = self.read_report(device)?[FAULTS];
-
-        let references = self.tree.references;
-        let cost_of = |internal| cost_of_areas(internal, leaves, root, references);
-        let mut schedule = Schedule::new(settings, cost_of(internal));
-        let mut descent = match settings.order {
-            Order::Interleaved => Descent::over(),
-            Order::LargestFirst => Descent::new(settings.mu),
+        areas: Option<TreeAreas>,
+        mu: u32,
+    ) -> Result<(TreeAreas, u32), DeviceError> {
+        let (areas, faults) = match areas {
+            Some(areas) => (areas, 0),
+            None => {
+                let (areas, timings) = self.measure.refitted_areas(device)?;
+                self.take_note(timings);
+                (areas, self.report(device)?[prbvh_kernel::status::FAULTS])
+            }
         };
-        let mut rows = vec![IterationRow {
-            iteration: 0,
-            mu: schedule.mu(),
-            time_s: start.elapsed().as_secs_f64(),
+        self.rows.push(IterationRow {
+            mu,
+            time_s: self.elapsed_s(),
             device_s: self.device_s,
-            cost: cost_of(internal),
+            cost: areas.cost(self.tree.references),
             ..IterationRow::default()
-        }];
-        let mut best = rows[0].cost;
-        let mut is_best = true;
-        let mut descended = 0;
-        let stop = loop {
-            let row = &rows[rows.len() - 1];
-            let done = row.iteration;
-            if faults != 0 {
-                break StopReason::Fault(faults);
-            }
-            if observe(row, self.tree, device).is_break() {
-                break StopReason::Cancelled;
-            }
-            if done > descended {
-                if let Some(stop) = schedule.note(&rows[rows.len() - 1]) {
-                    break stop;
-                }
-            } else {
-                schedule.note_cost(row);
-            }
-            if let Some(stop) = schedule.limit(done, start.elapsed()) {
-                break stop;
-            }
-            let mut recording = Recording::new();
-            if is_best {
-                self.record_save(&mut recording);
-            }
-            recording.clear("search", &self.report);
-            let mut work = Work::default();
-            if !descent.is_over() {
-                descended = done + 1;
-                work = self.descend(device, &mut recording, &mut descent, root)?;
-            }
-            if work.searched == 0 {
-                descended = descended.min(done);
-                let mu = schedule.mu();
-                let first = (done - descended) % mu;
-                let params = PrbvhParams {
-                    count: self.node_count.saturating_sub(first).div_ceil(mu),
-                    ..self.params(mu, first, 0.0)
-                };
-                work.mu = mu;
-                self.pass(device, recording, &params, false, true, &mut work)?;
-            }
-            let report = self.read_report(device)?;
-            if report[FAULTS] != 0 {
-                is_best = false;
-                break StopReason::Fault(report[FAULTS]);
-            }
-            let cost = cost_of(work.areas);
-            is_best = cost < best;
-            if is_best {
-                best = cost;
-            }
-            rows.push(IterationRow {
-                iteration: done + 1,
-                mu: work.mu,
-                time_s: start.elapsed().as_secs_f64(),
-                device_s: self.device_s,
-                cost,
-                predicted_decrease: if root > 0.0 {
-                    SahModel::default().c_traversal * work.decreases / root
-                } else {
-                    0.0
-                },
-                found: report[FOUND],
-                owned: report[OWNED],
-                applied: report[APPLIED],
-                most_steps: report[MOST_STEPS],
-                ..IterationRow::default()
-            });
-        };
-        // Without an iteration the tree is as it was, and none is kept.
-        let faults = if rows.len() > 1 { self.settle(device, is_best)? } else { None };
-        let stop = faults.map_or(stop, StopReason::Fault);
-        set_relative_errors(&mut rows);
-        Ok((rows, stop))
+        });
+        Ok((areas, faults))
     }
 
-    fn submit(&mut self, device: &mut dyn Device, recording: &Recording) -> Result<(), DeviceError> {
-        let timings = device.run(recording)?;
+    pub(super) fn elapsed_s(&self) -> f64 {
+        self.start.elapsed().as_secs_f64()
+    }
+
+    pub(super) fn elapsed(&self) -> std::time::Duration {
+        self.start.elapsed()
+    }
+
+    /// The last row.
+    pub(super) fn row(&self) -> &IterationRow {
+        &self.rows[self.rows.len() - 1]
+    }
+
+    fn take_note(&mut self, timings: Vec<Timing>) {
         self.device_s += timings.iter().map(|timing| timing.seconds).sum::<f64>();
         self.timings.extend(timings);
+    }
+
+    pub(super) fn submit(&mut self, device: &mut dyn Device, recording: &Recording) -> Result<(), DeviceError> {
+        let timings = device.run(recording)?;
+        self.take_note(timings);
         Ok(())
     }
 
-    fn record_save(&self, recording: &mut Recording) {
-        let params = SnapshotParams { count: self.node_count };
-        let buffers = [&self.tree.nodes, &self.best_links];
-        recording.dispatch("keep best", Kernel::SnapshotSave, self.node_count, &params, &buffers);
+    /// Submits several iterations, of which each ends before a command in `ends`; returns the row of the report of each, and when it ended.
+    pub(super) fn submit_rows(
+        &mut self,
+        device: &mut dyn Device,
+        recording: &Recording,
+        ends: &[usize],
+    ) -> Result<Vec<(Report, Clock)>, DeviceError> {
+        let (before, device_before) = (self.elapsed_s(), self.device_s);
+        let timings = device.run(recording)?;
+        let mut words = vec![0u32; REPORT_WORDS as usize * ends.len()];
+        device.download(&self.moves.report, bytemuck::cast_slice_mut(&mut words))?;
+        let passed = self.elapsed_s() - before;
+        let device_s = |commands: &[Timing]| commands.iter().map(|timing| timing.seconds).sum::<f64>();
+        let all = device_s(&timings);
+        let rows = words.as_chunks().0.iter().zip(ends).enumerate();
+        let rows = rows.map(|(k, (&report, &end))| {
+            let part = device_s(timings.get(..end).unwrap_or_default());
+            // What the host takes is shared out among the rows like the time on the device.
+            let share = if all > 0.0 { part / all } else { (k + 1) as f64 / ends.len() as f64 };
+            (report, Clock { time_s: before + share * passed, device_s: device_before + part })
+        });
+        let rows = rows.collect();
+        self.take_note(timings);
+        Ok(rows)
     }
 
-    /// Leaves the best tree, with all boxes made anew; returns the faults if that shows that the last one is no tree.
-    fn settle(&mut self, device: &mut dyn Device, is_best: bool) -> Result<Option<u32>, DeviceError> {
-        if is_best {
-            let mut recording = Recording::new();
-            recording.clear("refit", &self.report);
-            self.record_full_refit(&mut recording);
-            self.submit(device, &recording)?;
-            self.internal_areas(device)?;
-            let faults = self.read_report(device)?[FAULTS];
-            if faults == 0 {
-                return Ok(None);
-            }
-            self.restore_best(device)?;
-            return Ok(Some(faults));
-        }
-        self.restore_best(device)?;
-        Ok(None)
+    /// The time now.
+    pub(super) fn clock(&self) -> Clock {
+        Clock { time_s: self.elapsed_s(), device_s: self.device_s }
     }
 
-    fn restore_best(&mut self, device: &mut dyn Device) -> Result<(), DeviceError> {
+    /// The first row of the report.
+    pub(super) fn report(&self, device: &mut dyn Device) -> Result<Report, DeviceError> {
+        let mut report = Report::default();
+        device.download(&self.moves.report, bytemuck::cast_slice_mut(&mut report))?;
+        Ok(report)
+    }
+
+    /// The row of an iteration after which the tree has this cost.
+    pub(super) fn push_row(
+        &mut self,
+        report: &Report,
+        mu: u32,
+        cost: f64,
+        areas: &TreeAreas,
+        scale: f32,
+        clock: Clock,
+    ) {
+        let row = IterationRow {
+            iteration: self.row().iteration + 1,
+            mu,
+            time_s: clock.time_s,
+            device_s: clock.device_s,
+            cost,
+            predicted_decrease: areas.cost_of(sum::to_f64(report[PREDICTED], report[PREDICTED + 1], scale)),
+            searched: report[SEARCHED],
+            visits: report[VISITS],
+            found: report[FOUND],
+            owned: report[OWNED],
+            applied: report[APPLIED],
+            most_steps: report[MOST_STEPS],
+            ..IterationRow::default()
+        };
+        self.rows.push(row);
+    }
+
+    /// Brings the best tree back, with all boxes made anew.
+    pub(super) fn restore(&mut self, device: &mut dyn Device, epoch: u32) -> Result<(), DeviceError> {
         let mut recording = Recording::new();
-        let params = SnapshotParams { count: self.node_count };
-        let buffers = [&self.best_links, &self.tree.nodes];
-        recording.dispatch("keep best", Kernel::SnapshotRestore, self.node_count, &params, &buffers);
-        self.record_full_refit(&mut recording);
+        self.moves.record_restore(&mut recording, self.internal, epoch);
+        self.measure.record_refit(&mut recording);
         self.submit(device, &recording)
     }
 
-    fn record_full_refit(&mut self, recording: &mut Recording) {
-        record_refit(recording, self.tree.references, &self.tree.nodes, &self.arrivals);
-        self.arrived = 2;
-    }
-
-    /// Half areas of the root, the leaves and the internal nodes of the tree as it comes, refitted whole.
-    fn first_areas(&mut self, device: &mut dyn Device) -> Result<(f64, f64, f64), DeviceError> {
-        let (internal, leaves) = (self.internal, self.tree.references);
-        let internal_chunks = internal.div_ceil(COST_CHUNK);
-        let chunks = internal_chunks + leaves.div_ceil(COST_CHUNK);
-        let mut recording = Recording::new();
-        self.record_full_refit(&mut recording);
-        self.record_area_sum(&mut recording, 0, internal, 0);
-        self.record_area_sum(&mut recording, internal, leaves, internal_chunks);
-        self.record_area_sum(&mut recording, 0, 1, chunks);
-        // From here on only paths are refitted.
-        recording.clear("refit", &self.arrivals);
-        self.submit(device, &recording)?;
-        self.arrived = 0;
-        let partial = self.read_partial(device, chunks as usize + 1)?;
-        let (internal, rest) = partial.split_at(internal_chunks as usize);
-        let (leaves, root) = rest.split_at(rest.len() - 1);
-        Ok((sum(root), sum(leaves), sum(internal)))
-    }
-
-    /// Records the sums of the half areas of `nodes` nodes from `first` on, for `partial` from `to` on.
-    fn record_area_sum(&self, recording: &mut Recording, first: u32, nodes: u32, to: u32) {
-        let count = nodes.div_ceil(COST_CHUNK);
-        let params = CostParams { count, first, nodes, internal: self.internal, to, arrived: self.arrived };
-        let buffers = [&self.tree.nodes, &self.arrivals, &self.partial, &self.report];
-        recording.dispatch("cost", Kernel::Cost, count, &params, &buffers);
-    }
-
-    /// Sum of the half areas of the internal nodes: f32 over fixed chunks, f64 over the chunks.
-    fn internal_areas(&mut self, device: &mut dyn Device) -> Result<f64, DeviceError> {
-        let mut recording = Recording::new();
-        self.record_area_sum(&mut recording, 0, self.internal, 0);
-        self.submit(device, &recording)?;
-        Ok(sum(&self.read_partial(device, self.internal.div_ceil(COST_CHUNK) as usize)?))
-    }
-
-    fn read_partial(&self, device: &mut dyn Device, chunks: usize) -> Result<Vec<f32>, DeviceError> {
-        let mut partial = vec![0.0f32; chunks];
-        device.download(&self.partial, bytemuck::cast_slice_mut(&mut partial))?;
-        Ok(partial)
-    }
-
-    fn read_report(&self, device: &mut dyn Device) -> Result<[u32; REPORT_WORDS as usize], DeviceError> {
-        let mut report = [0; REPORT_WORDS as usize];
-        device.download(&self.report, bytemuck::cast_slice_mut(&mut report))?;
-        Ok(report)
-    }
-}
-
-/// Sum of partial sums, in f64.
-fn sum(partial: &[f32]) -> f64 {
-    partial.iter().copied().map(f64::from).sum()
-}
-
-/// SAH cost with one triangle per leaf, from sums of half areas. Where the root has no area every ratio counts as 1, as in
-/// [`crate::bvh`].
-pub(super) fn cost_of_areas(internal: f64, leaves: f64, root: f64, references: u32) -> f64 {
-    let SahModel { c_traversal, c_intersect } = SahModel::default();
-    if root > 0.0 {
-        (c_traversal * internal + c_intersect * leaves) / root
-    } else {
-        c_traversal * f64::from(references - 1) + c_intersect * f64::from(references)
+    /// Gives the memory back.
+    pub(super) fn finish(mut self, device: &mut dyn Device, stop: StopReason, working_bytes: u64) -> Outcome {
+        self.scratch.free(device);
+        set_relative_errors(&mut self.rows);
+        Outcome { rows: self.rows, stop, timings: self.timings, working_bytes }
     }
 }

@@ -21,6 +21,10 @@ pub struct IterationRow {
     pub predicted_decrease: f64,
     /// `cost / best - 1` with the lowest cost of all rows; 0 until the run has ended.
     pub relative_error: f64,
+    /// Nodes that were searched.
+    pub searched: u32,
+    /// Nodes whose boxes the searches looked at.
+    pub visits: u32,
     /// Reinsertions that the search found.
     pub found: u32,
     /// Of these, the ones that owned all their locks.

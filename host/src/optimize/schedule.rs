@@ -1,6 +1,6 @@
-//! When to search more nodes, and when to stop (Meister & Bittner 2018, §4.4).
+//! Which nodes are searched when, and when to stop.
 
-use super::{IterationRow, Limits, MoveKind, Strategy};
+use super::{IterationRow, Limits, Strategy};
 use serde::Serialize;
 use std::time::Duration;
 
@@ -18,20 +18,62 @@ pub enum Epsilon {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Order {
-    /// All in turn, as published (§4.4.2).
+    /// Those that look worst, few at first and then ever more of them; both children of each move ([`prbvh_kernel::prbvh::worst`]).
     #[default]
-    Interleaved,
-    /// Those that may gain most, and then ever more of them: a floor under the decrease comes down. All in turn at the end.
-    LargestFirst,
+    WorstFirst,
+    /// All in turn, as published (Meister & Bittner 2018, §4.4.2); single subtrees move.
+    Published,
 }
 
 /// As on the command line.
 impl std::fmt::Display for Order {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
-            Self::Interleaved => "interleaved",
-            Self::LargestFirst => "largest-first",
+            Self::WorstFirst => "worst-first",
+            Self::Published => "published",
         })
+    }
+}
+
+/// How [`Order::WorstFirst`] searches.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct WorstFirst {
+    /// Nodes of the first round.
+    pub first: u32,
+    /// Each round has so many times the nodes of the one before.
+    pub growth: f64,
+    /// Most nodes of a round, as a part of all internal nodes.
+    pub most_part: f64,
+    /// Rounds of locks over the same tree, at least 1.
+    pub lock_rounds: u32,
+    /// Levels that a search climbs above the first ancestor that keeps its box without the input.
+    pub climb: u32,
+    /// The climb ends where no place can be better by this part of the child's area than the best so far.
+    pub slack: f32,
+    /// A new best tree counts if its cost is lower by this part.
+    pub settles: f64,
+    /// Rounds over the most nodes, without a new best tree that counts, that end the search.
+    pub patience: u32,
+    /// Nodes of a round of the tail, in which all nodes are searched again, each child first, and to the root; 0 for no tail.
+    pub tail_part: f64,
+    /// Whether the host looks at every round by itself: then an observer finds the tree of its row. Else the first rounds run together.
+    pub row_by_row: bool,
+}
+
+impl Default for WorstFirst {
+    fn default() -> Self {
+        Self {
+            first: 32,
+            growth: 1.5,
+            most_part: 0.02,
+            lock_rounds: 2,
+            climb: 8,
+            slack: 0.1,
+            settles: 1e-5,
+            patience: 2,
+            tail_part: 0.02,
+            row_by_row: false,
+        }
     }
 }
 
@@ -40,19 +82,19 @@ impl std::fmt::Display for Order {
 pub struct PrbvhSettings {
     /// Which nodes are searched first.
     pub order: Order,
-    /// When a reinsertion may run beside others.
+    /// Of [`Order::WorstFirst`].
+    pub worst_first: WorstFirst,
+    /// Of [`Order::Published`]: when a reinsertion may run beside others.
     pub strategy: Strategy,
-    /// What an iteration moves.
-    pub moves: MoveKind,
-    /// Every `mu`-th node is searched, another set each iteration; at least 1. Falls to 1 as the cost settles.
+    /// Of [`Order::Published`]: every `mu`-th node is searched, another set each iteration; at least 1. Falls to 1 as the cost settles.
     pub mu: u32,
-    /// A smaller change of the cost ends the search with this `mu`.
+    /// Of [`Order::Published`]: a smaller change of the cost ends the search with this `mu`.
     pub epsilon: Epsilon,
     /// What ends it early.
     #[serde(flatten)]
     pub limits: Limits,
-    /// Iterations without a new best tree, by more than `epsilon`, that end the search with this `mu`: the published rule can cycle for
-    /// ever.
+    /// Of [`Order::Published`]: iterations without a new best tree, by more than `epsilon`, that end the search with this `mu`: the published rule can
+    /// cycle for ever.
     pub patience: u32,
 }
 
@@ -60,13 +102,21 @@ impl Default for PrbvhSettings {
     fn default() -> Self {
         Self {
             order: Order::default(),
+            worst_first: WorstFirst::default(),
             strategy: Strategy::default(),
-            moves: MoveKind::default(),
             mu: 9,
             epsilon: Epsilon::Relative(1e-4),
             limits: Limits::iterations(1000),
             patience: 20,
         }
+    }
+}
+
+impl PrbvhSettings {
+    /// The published order with the paper's settings.
+    #[must_use]
+    pub fn published() -> Self {
+        Self { order: Order::Published, ..Self::default() }
     }
 }
 
@@ -104,7 +154,7 @@ impl std::fmt::Display for StopReason {
     }
 }
 
-/// The state of the rule.
+/// The state of the published rule (Meister & Bittner 2018, §4.4).
 #[derive(Debug)]
 pub(super) struct Schedule {
     epsilon: f64,
@@ -144,12 +194,6 @@ impl Schedule {
             return Some(StopReason::Target);
         }
         self.limits.used_up(iterations, elapsed)
-    }
-
-    /// Takes note of an iteration that is one of a fixed number.
-    pub(super) fn note_cost(&mut self, row: &IterationRow) {
-        self.cost = row.cost;
-        self.best = self.best.min(row.cost);
     }
 
     /// Takes note of an iteration; says whether it was the last.

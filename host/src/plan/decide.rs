@@ -1,7 +1,7 @@
 //! The decisions, each with its reason and its saving.
 
 use super::dry::{DryDevice, Taken, saving};
-use super::phase::{AGGRESSIVE, BUILD, COLLAPSE, CONSERVATIVE, ITERATIONS};
+use super::phase::{AGGRESSIVE, BUILD, COLLAPSE, CONSERVATIVE, ITERATIONS, optimizer_of};
 use super::{CodeSize, Item, Omission, Plan, Saving, Status};
 use crate::build::{Codes, MOST_COMPARED, MortonBits};
 use crate::device::{DeviceError, DeviceInfo};
@@ -124,17 +124,16 @@ impl Decide<'_> {
         Ok(item)
     }
 
-    /// What PRBVH takes by this strategy on a device like this one.
-    fn optimize(&self, strategy: Strategy, atomics_64: bool, iterations: u32) -> Result<Taken, DeviceError> {
+    /// What PRBVH takes on a device like this one.
+    fn optimize(&self, prbvh: PrbvhSettings, atomics_64: bool, iterations: u32) -> Result<Taken, DeviceError> {
         let mut dry = DryDevice::new(&DeviceInfo { atomics_64, ..self.info.clone() });
-        let prbvh = PrbvhSettings { strategy, ..self.settings.prbvh.clone() };
         dry.optimize(self.plan.references, prbvh, iterations)?;
         Ok(dry.taken())
     }
 
     fn optimizer(&self) -> Result<Vec<Item>, DeviceError> {
-        let strategy = self.settings.prbvh.strategy;
-        let taken = &self.taken[if strategy == Strategy::Aggressive { AGGRESSIVE } else { CONSERVATIVE }];
+        let prbvh = &self.settings.prbvh;
+        let taken = &self.taken[optimizer_of(prbvh)];
         let per_iteration = |dispatches: u64| dispatches / u64::from(ITERATIONS);
         if self.settings.optimizer != Optimizer::Prbvh {
             let why = format!("the optimiser is {}", self.settings.optimizer);
@@ -142,7 +141,7 @@ impl Decide<'_> {
             let mut dry = DryDevice::new(self.info);
             dry.hold_tree(self.plan.references)?;
             item.saved = self.saving(taken, &dry.taken());
-            let start = self.optimize(strategy, self.info.atomics_64, 0)?;
+            let start = self.optimize(prbvh.clone(), self.info.atomics_64, 0)?;
             item.saved.dispatches = start.dispatches;
             item.saved.dispatches_per_iteration = per_iteration(taken.dispatches - start.dispatches);
             return Ok(vec![item]);
@@ -154,31 +153,44 @@ impl Decide<'_> {
             item(Omission::LockWord, Status::Needed, "the device has no 64-bit atomics")
         };
         if self.info.atomics_64 {
-            lock.saved = self.saving(&self.optimize(strategy, false, ITERATIONS)?, taken);
+            lock.saved = self.saving(&self.optimize(prbvh.clone(), false, ITERATIONS)?, taken);
             let dispatches = std::mem::take(&mut lock.saved.dispatches);
             lock.saved.dispatches_per_iteration = per_iteration(dispatches);
         }
-        let mut paths = match strategy {
+        let boxes = item(Omission::UnchangedBoxes, Status::LeftOut, "only nodes above a move are refitted");
+        let mut items = vec![lock, boxes];
+        items.extend(match prbvh.order {
+            Order::WorstFirst => self.worst_first()?,
+            Order::Published => self.published(),
+        });
+        Ok(items)
+    }
+
+    fn published(&self) -> Vec<Item> {
+        let (aggressive, conservative) = (&self.taken[AGGRESSIVE], &self.taken[CONSERVATIVE]);
+        let paths = match self.settings.prbvh.strategy {
             Strategy::Conservative => item(Omission::Paths, Status::Needed, "the strategy is that"),
-            Strategy::Aggressive => item(Omission::Paths, Status::LeftOut, "the strategy is aggressive"),
+            Strategy::Aggressive => Item {
+                saved: self.saving(conservative, aggressive),
+                ..item(Omission::Paths, Status::LeftOut, "the strategy is aggressive")
+            },
         };
-        if strategy == Strategy::Aggressive {
-            paths.saved = self.saving(&self.taken[CONSERVATIVE], taken);
-        }
         let why = "the ancestors of a node are visited as pivots, but are no candidates: evaluated exactly they changed the final cost \
                    of six scenes by -0.1 % to +0.5 %";
         let ancestors = item(Omission::Ancestors, Status::LeftOut, why);
-        let why = MU_BY_CONFLICTS;
-        let conflicts = item(Omission::Conflicts, Status::NotDone, why);
-        let small = match self.settings.prbvh.order {
-            Order::LargestFirst => {
-                item(Omission::SmallDecreases, Status::LeftOut, "until the floor has come down to them")
-            }
-            Order::Interleaved => item(Omission::SmallDecreases, Status::Needed, "all nodes are searched in turn"),
+        let conflicts = item(Omission::Conflicts, Status::NotDone, MU_BY_CONFLICTS);
+        vec![paths, ancestors, conflicts, item(Omission::Untouched, Status::Needed, "all nodes are searched in turn")]
+    }
+
+    fn worst_first(&self) -> Result<Vec<Item>, DeviceError> {
+        let why = "keys are computed from the top of the tree downward, as far as the rounds come";
+        let untouched = item(Omission::Untouched, Status::LeftOut, why);
+        let tail = if self.settings.prbvh.worst_first.tail_part > 0.0 {
+            item(Omission::Tail, Status::Needed, "a last 0.2 to 0.5 % of the cost")
+        } else {
+            item(Omission::Tail, Status::LeftOut, "the settings are without it")
         };
-        let why = "only nodes above a move are refitted";
-        let boxes = item(Omission::UnchangedBoxes, Status::LeftOut, why);
-        Ok(vec![lock, paths, ancestors, conflicts, small, boxes])
+        Ok(vec![untouched, tail])
     }
 
     fn collapse(&self) -> Item {

@@ -4,7 +4,7 @@ use super::{Omission, PhaseBytes};
 use crate::build::{self, Codes, DeviceTree};
 use crate::collapse;
 use crate::device::{Buffer, Command, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
-use crate::optimize::{Limits, Order, PrbvhSettings, kernels_of_list, prbvh};
+use crate::optimize::{Limits, PrbvhSettings, prbvh};
 use crate::pipeline::Initial;
 use crate::trace::TraceScene;
 use prbvh_kernel::Kernel;
@@ -108,11 +108,6 @@ impl DryDevice {
         let tree = self.tree(triangles)?;
         let settings = PrbvhSettings { limits: Limits::iterations(iterations), ..settings };
         prbvh(self, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(()))?;
-        // Of a list that is empty here.
-        if settings.order == Order::LargestFirst {
-            self.kernels.insert(Kernel::PrbvhStrike);
-            self.kernels.extend(kernels_of_list(&self.info, settings.strategy));
-        }
         tree.free(self);
         Ok(())
     }

@@ -30,8 +30,10 @@ pub enum Omission {
     Ancestors,
     /// Searches whose moves would be refused: µ chosen by the rate of conflicts.
     Conflicts,
-    /// Searches that cannot find a decrease above a floor.
-    SmallDecreases,
+    /// Keys, searches and sums of parts of the tree in which no round searches.
+    Untouched,
+    /// A second search of all nodes after the worst ones.
+    Tail,
     /// Refits of nodes below which nothing moved.
     UnchangedBoxes,
     /// Kernels that no phase runs.
@@ -53,7 +55,8 @@ impl fmt::Display for Omission {
             Self::Duplicates => "all but one of triangles with equal boxes",
             Self::Ancestors => "evaluation of ancestors as places to move to",
             Self::Conflicts => "searches whose moves collide: µ from the rate of conflicts",
-            Self::SmallDecreases => "searches for decreases below a floor",
+            Self::Untouched => "keys of nodes that no round comes to",
+            Self::Tail => "a broad search of all nodes at the end",
             Self::UnchangedBoxes => "refits of nodes below which nothing moved",
             Self::Kernels => "kernels that no phase runs",
         })

@@ -3,7 +3,7 @@
 use super::Plan;
 use super::dry::{DryDevice, Taken};
 use crate::device::{DeviceError, DeviceInfo};
-use crate::optimize::{MoveKind, PrbvhSettings, Strategy};
+use crate::optimize::{Order, PrbvhSettings, Strategy};
 use crate::pipeline::{Optimizer, Settings};
 use crate::scene::Scene;
 use serde::Serialize;
@@ -48,9 +48,19 @@ pub(super) const ITERATIONS: u32 = 3;
 
 /// Places of phases in what [`phases`] makes.
 pub(super) const BUILD: usize = 0;
-pub(super) const AGGRESSIVE: usize = 1;
-pub(super) const CONSERVATIVE: usize = 2;
-pub(super) const COLLAPSE: usize = 3;
+pub(super) const WORST_FIRST: usize = 1;
+pub(super) const AGGRESSIVE: usize = 2;
+pub(super) const CONSERVATIVE: usize = 3;
+pub(super) const COLLAPSE: usize = 4;
+
+/// The place of what these settings optimise by.
+pub(super) fn optimizer_of(settings: &PrbvhSettings) -> usize {
+    match (settings.order, settings.strategy) {
+        (Order::WorstFirst, _) => WORST_FIRST,
+        (Order::Published, Strategy::Aggressive) => AGGRESSIVE,
+        (Order::Published, Strategy::Conservative) => CONSERVATIVE,
+    }
+}
 
 /// The phases of the run, and those of other settings beside them. Tracing is without rays and without stacks for deep trees.
 pub(super) fn phases(
@@ -65,19 +75,19 @@ pub(super) fn phases(
         stage(&mut dry)?;
         Ok((dry.phase(name, runs), dry.taken()))
     };
-    let optimizes = |strategy| settings.optimizer == Optimizer::Prbvh && settings.prbvh.strategy == strategy;
     let mut phases: Vec<(PhaseBytes, Taken)> =
         vec![phase(format!("build, {}", settings.initial.method()), true, &|dry| {
             dry.build(&settings.initial, plan.codes, &scene.triangles[..references])
         })?];
-    let moves = match settings.prbvh.moves {
-        MoveKind::Single => "",
-        MoveKind::Dual => ", dual moves",
-    };
-    for strategy in [Strategy::Aggressive, Strategy::Conservative] {
-        let name = format!("optimise, {strategy}{moves}");
-        let prbvh = PrbvhSettings { strategy, ..settings.prbvh.clone() };
-        phases.push(phase(name, optimizes(strategy), &|dry| dry.optimize(references, prbvh.clone(), ITERATIONS))?);
+    let published = |strategy| PrbvhSettings { order: Order::Published, strategy, ..settings.prbvh.clone() };
+    for (name, prbvh) in [
+        ("worst first", PrbvhSettings { order: Order::WorstFirst, ..settings.prbvh.clone() }),
+        ("published, aggressive", published(Strategy::Aggressive)),
+        ("published, conservative", published(Strategy::Conservative)),
+    ] {
+        let runs = settings.optimizer == Optimizer::Prbvh && optimizer_of(&prbvh) == optimizer_of(&settings.prbvh);
+        let name = format!("optimise, {name}");
+        phases.push(phase(name, runs, &|dry| dry.optimize(references, prbvh.clone(), ITERATIONS))?);
     }
     phases.push(phase("collapse".to_owned(), plan.collapses, &|dry| dry.collapse(n))?);
     phases.push(phase("trace".to_owned(), false, &|dry| dry.trace(n))?);

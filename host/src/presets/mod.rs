@@ -8,7 +8,7 @@ mod choice;
 pub use choice::{BALANCED_ERROR, BEST_ERROR, ChoiceError, Choices, FAST_ERROR, Score, Trial, choose};
 
 use crate::build::{DEFAULT_RADIUS, TreeletSize};
-use crate::optimize::{Epsilon, MoveKind, Order, PrbvhSettings, RbvhSettings};
+use crate::optimize::{Epsilon, Order, PrbvhSettings, RbvhSettings, WorstFirst};
 use crate::pipeline::{Initial, Optimizer, Settings};
 use std::fmt;
 
@@ -61,35 +61,31 @@ pub enum From {
 pub enum Then {
     /// None.
     Nothing,
-    /// PRBVH.
-    Prbvh {
-        /// Which nodes are searched first.
-        order: Order,
-        /// What an iteration moves.
-        moves: MoveKind,
+    /// PRBVH as published.
+    Published {
         /// First µ.
         mu: u32,
         /// ε as a part of the initial cost.
         epsilon: f64,
+    },
+    /// PRBVH, the worst nodes first.
+    WorstFirst {
+        /// Most nodes of a round, as a part of all.
+        most_part: f64,
+        /// The same of the tail; 0 without one.
+        tail_part: f64,
     },
     /// RBVH with undo, as it is by default.
     Rbvh,
 }
 
 impl Then {
-    /// PRBVH as published: first µ and ε.
-    const fn prbvh(mu: u32, epsilon: f64) -> Self {
-        Self::Prbvh { order: Order::Interleaved, moves: MoveKind::Single, mu, epsilon }
+    const fn published(mu: u32, epsilon: f64) -> Self {
+        Self::Published { mu, epsilon }
     }
 
-    /// The largest reinsertions first.
-    const fn largest_first(mu: u32, epsilon: f64) -> Self {
-        Self::Prbvh { order: Order::LargestFirst, moves: MoveKind::Single, mu, epsilon }
-    }
-
-    /// With dual moves.
-    const fn dual(order: Order, mu: u32, epsilon: f64) -> Self {
-        Self::Prbvh { order, moves: MoveKind::Dual, mu, epsilon }
+    const fn worst_first(most_part: f64, tail_part: f64) -> Self {
+        Self::WorstFirst { most_part, tail_part }
     }
 }
 
@@ -117,25 +113,19 @@ pub const CANDIDATES: &[Candidate] = &[
     tried(From::Lbvh, Then::Nothing),
     tried(From::Ploc, Then::Nothing),
     chosen(Preset::Fast, From::Atrbvh, Then::Nothing),
-    tried(From::Lbvh, Then::prbvh(9, 1e-2)),
-    tried(From::Lbvh, Then::prbvh(9, 1e-3)),
-    tried(From::Lbvh, Then::prbvh(9, 1e-4)),
-    tried(From::Ploc, Then::prbvh(9, 1e-2)),
-    tried(From::Ploc, Then::prbvh(9, 1e-3)),
-    tried(From::Ploc, Then::prbvh(9, 1e-4)),
-    tried(From::Ploc, Then::prbvh(1, 1e-5)),
-    chosen(Preset::Balanced, From::Atrbvh, Then::prbvh(9, 1e-3)),
-    tried(From::Atrbvh, Then::prbvh(9, 1e-4)),
-    tried(From::Atrbvh, Then::prbvh(1, 1e-5)),
-    tried(From::Lbvh, Then::largest_first(9, 1e-3)),
-    tried(From::Ploc, Then::largest_first(9, 1e-3)),
-    tried(From::Atrbvh, Then::largest_first(9, 1e-2)),
-    tried(From::Atrbvh, Then::largest_first(9, 1e-3)),
-    tried(From::Atrbvh, Then::largest_first(9, 1e-4)),
-    tried(From::Atrbvh, Then::dual(Order::Interleaved, 9, 1e-3)),
-    tried(From::Atrbvh, Then::dual(Order::Interleaved, 9, 1e-4)),
-    tried(From::Atrbvh, Then::dual(Order::LargestFirst, 9, 1e-3)),
-    tried(From::Atrbvh, Then::dual(Order::LargestFirst, 9, 1e-4)),
+    tried(From::Lbvh, Then::published(9, 1e-3)),
+    tried(From::Lbvh, Then::published(9, 1e-4)),
+    tried(From::Ploc, Then::published(9, 1e-3)),
+    tried(From::Ploc, Then::published(9, 1e-4)),
+    tried(From::Atrbvh, Then::published(9, 1e-3)),
+    tried(From::Atrbvh, Then::published(9, 1e-4)),
+    tried(From::Atrbvh, Then::published(1, 1e-5)),
+    tried(From::Lbvh, Then::worst_first(0.02, 0.0)),
+    tried(From::Lbvh, Then::worst_first(0.02, 0.05)),
+    tried(From::Ploc, Then::worst_first(0.02, 0.0)),
+    chosen(Preset::Balanced, From::Atrbvh, Then::worst_first(0.02, 0.0)),
+    tried(From::Ploc, Then::worst_first(0.02, 0.05)),
+    tried(From::Atrbvh, Then::worst_first(0.02, 0.05)),
     chosen(Preset::Best, From::Atrbvh, Then::Rbvh),
 ];
 
@@ -151,9 +141,13 @@ impl Candidate {
         let (optimizer, prbvh) = match self.then {
             Then::Nothing => (Optimizer::None, PrbvhSettings::default()),
             Then::Rbvh => (Optimizer::Rbvh(RbvhSettings::default()), PrbvhSettings::default()),
-            Then::Prbvh { order, moves, mu, epsilon } => {
+            Then::Published { mu, epsilon } => {
                 let epsilon = Epsilon::Relative(epsilon);
-                (Optimizer::Prbvh, PrbvhSettings { order, moves, mu, epsilon, ..PrbvhSettings::default() })
+                (Optimizer::Prbvh, PrbvhSettings { mu, epsilon, ..PrbvhSettings::published() })
+            }
+            Then::WorstFirst { most_part, tail_part } => {
+                let worst_first = WorstFirst { most_part, tail_part, ..WorstFirst::default() };
+                (Optimizer::Prbvh, PrbvhSettings { order: Order::WorstFirst, worst_first, ..PrbvhSettings::default() })
             }
         };
         Settings { initial, optimizer, prbvh, ..Settings::default() }
@@ -166,10 +160,10 @@ impl fmt::Display for Candidate {
         write!(f, "{}", self.settings().initial)?;
         match self.then {
             Then::Nothing => Ok(()),
-            Then::Prbvh { order, moves, mu, epsilon } => {
-                let order = if order == Order::LargestFirst { " largest first" } else { "" };
-                let moves = if moves == MoveKind::Dual { " dual" } else { "" };
-                write!(f, ", prbvh{order}{moves} µ={mu} ε={epsilon}")
+            Then::Published { mu, epsilon } => write!(f, ", published µ={mu} ε={epsilon}"),
+            Then::WorstFirst { most_part, tail_part } => {
+                write!(f, ", worst first p={most_part}")?;
+                if tail_part > 0.0 { write!(f, " tail={tail_part}") } else { Ok(()) }
             }
             Then::Rbvh => f.write_str(", rbvh undo"),
         }
@@ -192,8 +186,8 @@ mod tests {
 
     #[test]
     fn settings_are_what_the_row_says() {
-        let candidate = tried(From::Ploc, Then::prbvh(4, 0.25));
-        assert_eq!(candidate.to_string(), "ploc, prbvh µ=4 ε=0.25");
+        let candidate = tried(From::Ploc, Then::published(4, 0.25));
+        assert_eq!(candidate.to_string(), "ploc, published µ=4 ε=0.25");
         let settings = candidate.settings();
         assert_eq!(settings.initial, Initial::Ploc { radius: DEFAULT_RADIUS });
         assert_eq!((settings.optimizer, settings.prbvh.mu), (Optimizer::Prbvh, 4));

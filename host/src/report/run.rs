@@ -5,7 +5,7 @@ use crate::accuracy::AccuracyReport;
 use crate::bvh::{Quality, SahModel};
 use crate::collapse::CollapseSettings;
 use crate::device::DeviceInfo;
-use crate::optimize::{IterationRow, RbvhSettings};
+use crate::optimize::{IterationRow, RbvhSettings, WorstFirst};
 use crate::plan::{DeviceCode, Item};
 use crate::reference::ReferenceCost;
 use serde::Serialize;
@@ -147,7 +147,7 @@ pub struct Settings {
     pub radius: Option<u32>,
     /// Leaves of the treelets of ATRBVH; none for another builder.
     pub treelet: Option<u32>,
-    /// Optimiser: `prbvh`, `rbvh` or `none`. `strategy`, `order`, `mu` and `epsilon` are for `prbvh` alone.
+    /// Optimiser: `prbvh`, `rbvh` or `none`. `order` and what follows from it are for `prbvh` alone.
     pub optimizer: String,
     /// Settings of RBVH; none for another optimiser.
     pub rbvh: Option<RbvhSettings>,
@@ -157,8 +157,8 @@ pub struct Settings {
     pub strategy: String,
     /// Which nodes are searched first.
     pub order: String,
-    /// What an iteration moves: `single` subtrees, or `dual` moves too.
-    pub moves: String,
+    /// How the worst nodes are searched first; none for another order. `strategy`, `mu` and `epsilon` are for the published order alone.
+    pub worst_first: Option<WorstFirst>,
     /// Sparse search: one node in `mu` is searched per iteration, at first.
     pub mu: u32,
     /// Change of cost below which `mu` shrinks.

@@ -7,7 +7,7 @@ use super::{Lane, Method, rays};
 use crate::accuracy::{self, F32_COST_BOUND};
 use crate::bvh::{self, Bvh, SahModel, quality, topology_hash, tree_hash};
 use crate::device::Device;
-use crate::optimize::{Limits, MoveKind, PrbvhSettings, StopReason};
+use crate::optimize::{Limits, Order, PrbvhSettings, StopReason};
 use crate::pipeline::{Optimized, Optimizer, Settings};
 use prbvh_kernel::prbvh::search::MAX_STEPS;
 
@@ -201,9 +201,9 @@ impl Variants<'_> {
                 row.breach(Property::Axes, format!("{axes:?}: another topology though nothing is rounded"));
             }
             // Written so that a NaN is a breach.
-            let bound = match prbvh.moves {
-                MoveKind::Single => AXES_BOUND,
-                MoveKind::Dual => DUAL_AXES_BOUND,
+            let bound = match prbvh.order {
+                Order::Published => AXES_BOUND,
+                Order::WorstFirst => DUAL_AXES_BOUND,
             };
             if change.partial_cmp(&bound) != Some(std::cmp::Ordering::Less) {
                 row.breach(Property::Axes, format!("{axes:?}: the optimised cost changed by {change:e}"));

@@ -4,7 +4,7 @@ use crate::build::DEFAULT_RADIUS;
 #[cfg(feature = "atrbvh")]
 use crate::build::TreeletSize;
 use crate::collapse::CollapseSettings;
-use crate::optimize::{Limits, MoveKind, Order, PrbvhSettings, RbvhSettings, Strategy};
+use crate::optimize::{Limits, Order, PrbvhSettings, RbvhSettings, Strategy};
 use crate::pipeline::{Initial, Optimizer, Settings};
 
 /// A way from triangles to a tree.
@@ -24,8 +24,13 @@ impl Method {
         Self { name, settings: Settings { initial, prbvh, ..Settings::default() }, optimizes: false }
     }
 
-    fn prbvh(name: &'static str, initial: Initial, mu: u32) -> Self {
-        let prbvh = PrbvhSettings { mu, ..PrbvhSettings::default() };
+    fn published(name: &'static str, initial: Initial, mu: u32) -> Self {
+        let prbvh = PrbvhSettings { mu, ..PrbvhSettings::published() };
+        Self { name, settings: Settings { initial, prbvh, ..Settings::default() }, optimizes: true }
+    }
+
+    fn worst_first(name: &'static str, initial: Initial) -> Self {
+        let prbvh = PrbvhSettings { order: Order::WorstFirst, ..PrbvhSettings::default() };
         Self { name, settings: Settings { initial, prbvh, ..Settings::default() }, optimizes: true }
     }
 
@@ -36,16 +41,6 @@ impl Method {
 
     fn conservative(mut self) -> Self {
         self.settings.prbvh.strategy = Strategy::Conservative;
-        self
-    }
-
-    fn largest_first(mut self) -> Self {
-        self.settings.prbvh.order = Order::LargestFirst;
-        self
-    }
-
-    fn dual(mut self) -> Self {
-        self.settings.prbvh.moves = MoveKind::Dual;
         self
     }
 
@@ -72,15 +67,14 @@ pub fn methods() -> Vec<Method> {
         Method::builder("ploc", ploc()),
         Method::builder("sah-sweep", Initial::SahSweep),
         Method::builder("sah-binned", Initial::SahBinned),
-        Method::prbvh("prbvh-9", Initial::Lbvh, 9),
-        Method::prbvh("prbvh-1", Initial::Lbvh, 1),
-        Method::prbvh("conservative-9", Initial::Lbvh, 9).conservative(),
-        Method::prbvh("largest-first-9", Initial::Lbvh, 9).largest_first(),
-        Method::prbvh("dual-9", Initial::Lbvh, 9).dual(),
-        Method::prbvh("dual-1", Initial::Lbvh, 1).dual(),
+        Method::worst_first("worst-first", Initial::Lbvh),
+        Method::published("prbvh-9", Initial::Lbvh, 9),
+        Method::published("prbvh-1", Initial::Lbvh, 1),
+        Method::published("conservative-9", Initial::Lbvh, 9).conservative(),
         Method::rbvh("rbvh"),
-        Method::prbvh("ploc+prbvh-9", ploc(), 9),
-        Method::prbvh("ploc+prbvh-1", ploc(), 1),
-        Method::prbvh("prbvh-9+adaptive", Initial::Lbvh, 9).with_adaptive_leaves(),
+        Method::worst_first("ploc+worst-first", ploc()),
+        Method::published("ploc+prbvh-9", ploc(), 9),
+        Method::published("ploc+prbvh-1", ploc(), 1),
+        Method::worst_first("worst-first+adaptive", Initial::Lbvh).with_adaptive_leaves(),
     ]
 }

@@ -8,7 +8,7 @@ use crate::pipeline::{self, Optimized, PipelineError, Settings};
 use crate::scene::{SafeRange, Scene};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::node::Node;
-use prbvh_kernel::prbvh::{PrbvhParams, Reinsertion};
+use prbvh_kernel::prbvh::{Move, PrbvhParams};
 use prbvh_kernel::status::REPORT_WORDS;
 use std::ops::ControlFlow;
 
@@ -58,20 +58,20 @@ pub trait Subject {
         Ok(Bvh::from_device(&nodes).map_err(RunError::InvalidTree)?.with_boxes_of(&scene.triangles))
     }
 
-    /// What one search finds in a tree, for every node. [`Reinsertion::NONE`] where it finds nothing.
+    /// What one search finds in a tree, for every node. [`Move::NONE`] where it finds nothing.
     ///
     /// # Errors
     /// If the device refuses or fails.
-    fn search(&self, nodes: &[Node], device: &mut dyn Device) -> Result<Vec<Reinsertion>, RunError> {
+    fn search(&self, nodes: &[Node], device: &mut dyn Device) -> Result<Vec<Move>, RunError> {
         let count = nodes.len() as u32;
         let tree = DeviceTree::upload(device, nodes)?;
-        let found = device.allocate("found", nodes.len(), size_of::<Reinsertion>())?;
+        let found = device.allocate("found", nodes.len(), size_of::<Move>())?;
         let report = device.allocate("report", REPORT_WORDS as usize, 4)?;
         let params = PrbvhParams::every(1, 0, count);
         let mut recording = Recording::new();
         recording.dispatch("search", Kernel::PrbvhSearch, count, &params, &[&tree.nodes, &found, &report]);
         device.run(&recording)?;
-        let mut moves = vec![Reinsertion::NONE; nodes.len()];
+        let mut moves = vec![Move::NONE; nodes.len()];
         device.download(&found, bytemuck::cast_slice_mut(&mut moves))?;
         tree.free(device);
         device.free(found);

@@ -69,7 +69,7 @@ pub fn restructure(i: u32, params: &RestructureParams, order: &[u32], nodes: &[A
         clusters.join(pair, node);
     }
     if !clusters.are_joined() {
-        status::raise(report, FAULT_TREELET);
+        status::raise(report, 0, FAULT_TREELET);
         return;
     }
     // Written so that a NaN changes nothing.
@@ -88,7 +88,7 @@ pub fn restructure(i: u32, params: &RestructureParams, order: &[u32], nodes: &[A
         if written == leaves - 1 {
             report[APPLIED].add(1);
         } else {
-            status::raise(report, FAULT_TREELET);
+            status::raise(report, 0, FAULT_TREELET);
         }
     }
 }

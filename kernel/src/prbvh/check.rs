@@ -1,12 +1,17 @@
-//! PRBVH check: a reinsertion stays only if it owns every node that it claimed.
+//! Check: a move wins if it owns every node that it claimed.
 //!
-//! Source: Meister & Bittner 2018, §5 "Check locks". Kind: map: invocation `i` reads `nodes[2n-1]` and the locks, and clears `found[i]` of a
-//! loser. The globally largest key wins all of its nodes, so something moves whenever something was found.
+//! Source: Meister & Bittner 2018, §5 "Check locks". Kind: map: invocation `i` reads `nodes[2n-1]` and marks `found[i]` of a winner. The largest key of
+//! all wins, so something moves whenever something was found.
+//!
+//! With several rounds of locks it is a scatter, too: a holder takes its nodes or lets go of them, and nobody else writes them. Whether others see
+//! that in this dispatch or not, they see a key that is not theirs.
 
-use super::{PrbvhParams, Reinsertion, TopologyNodes, lock_key};
-use crate::mem::{AtomicU32, Slot};
-use crate::node::{NO_NODE, Node};
-use crate::status::OWNED;
+use super::lock::{TAKEN, TAKEN_WORD, all_nodes, claim, lock_key, takes};
+use super::{CONSERVATIVE, LAST, Move, PrbvhParams, ROUNDS, WON};
+use crate::mem::{AtomicU32, AtomicU64, Slot};
+use crate::node::Node;
+use crate::status::{self, OWNED, PREDICTED};
+use crate::sum::Sum;
 
 /// Invocation `i` checks 64-bit locks.
 #[inline(always)]
@@ -14,11 +19,39 @@ pub fn check(
     i: u32,
     params: &PrbvhParams,
     nodes: &[Node],
-    locks: &[u64],
-    found: &[Slot<Reinsertion>],
+    locks: &[AtomicU64],
+    found: &[Slot<Move>],
     report: &[AtomicU32],
 ) {
-    check_with(i, params, nodes, found, report, |v, decrease, input| locks[v] == lock_key(decrease, input));
+    let own = found[i as usize].get();
+    if own.is_open() {
+        let key = lock_key(own.area_decrease, claim(own.input, true));
+        let wins = if params.has(CONSERVATIVE) {
+            all_nodes(params, nodes, &own, move |v, written| {
+                let lock = locks[v].load();
+                holds((lock >> 32) as u32, lock as u32, &own, written)
+            })
+        } else {
+            all_nodes(params, nodes, &own, move |v, _| locks[v].load() == key)
+        };
+        if wins {
+            win(i, params, &own, found, report);
+        }
+        if params.has(ROUNDS) {
+            let left = if wins && takes(params) { TAKEN } else { 0 };
+            all_nodes(params, nodes, &own, move |v, _| {
+                if locks[v].load() == key {
+                    locks[v].store(left);
+                }
+                true
+            });
+        }
+    } else if own.has_won() && params.has(LAST) {
+        all_nodes(params, nodes, &own, move |v, _| {
+            locks[v].store(0);
+            true
+        });
+    }
 }
 
 /// Invocation `i` checks locks of two 32-bit words.
@@ -27,31 +60,48 @@ pub fn check_words(
     i: u32,
     params: &PrbvhParams,
     nodes: &[Node],
-    decreases: &[u32],
-    inputs: &[u32],
-    found: &[Slot<Reinsertion>],
+    decreases: &[AtomicU32],
+    claims: &[AtomicU32],
+    found: &[Slot<Move>],
     report: &[AtomicU32],
 ) {
-    check_with(i, params, nodes, found, report, |v, decrease, input| {
-        decreases[v] == decrease.to_bits() && inputs[v] == input
-    });
+    let own = found[i as usize].get();
+    if own.is_open() {
+        let wins = all_nodes(params, nodes, &own, move |v, written| {
+            holds(decreases[v].load(), claims[v].load(), &own, written)
+        });
+        if wins {
+            win(i, params, &own, found, report);
+        }
+        if params.has(ROUNDS) {
+            let left = if wins && takes(params) { TAKEN_WORD } else { 0 };
+            all_nodes(params, nodes, &own, move |v, _| {
+                if claims[v].load() == claim(own.input, true) && decreases[v].load() == own.area_decrease.to_bits() {
+                    claims[v].store(left);
+                    decreases[v].store(left);
+                }
+                true
+            });
+        }
+    } else if own.has_won() && params.has(LAST) {
+        all_nodes(params, nodes, &own, move |v, _| {
+            claims[v].store(0);
+            decreases[v].store(0);
+            true
+        });
+    }
+}
+
+/// Whether a lock of these two words leaves the node to the move: it is its own, or both only read.
+#[inline(always)]
+fn holds(decrease: u32, held: u32, own: &Move, written: bool) -> bool {
+    let is_own = decrease == own.area_decrease.to_bits() && (held | 1) == claim(own.input, true);
+    is_own || (!written && held & 1 == 0)
 }
 
 #[inline(always)]
-fn check_with(
-    i: u32,
-    params: &PrbvhParams,
-    nodes: &[Node],
-    found: &[Slot<Reinsertion>],
-    report: &[AtomicU32],
-    owns: impl Fn(usize, f32, u32) -> bool,
-) {
-    let Reinsertion { area_decrease, input, output } = found[i as usize].get();
-    if output != NO_NODE {
-        if TopologyNodes::of(nodes, params.nodes / 2, input, output).all(|v| owns(v, area_decrease, input)) {
-            report[OWNED].add(1);
-        } else {
-            found[i as usize].set(Reinsertion::NONE);
-        }
-    }
+fn win(i: u32, params: &PrbvhParams, own: &Move, found: &[Slot<Move>], report: &[AtomicU32]) {
+    found[i as usize].set(Move { input: own.input | WON, ..*own });
+    status::count(report, params.row, OWNED, 1);
+    Sum::of(own.area_decrease, params.scale).add_to(report, params.row as usize + PREDICTED);
 }

@@ -1,55 +1,89 @@
-//! PRBVH refit: boxes of the nodes above what moved, and of no others.
+//! Refit: boxes of the nodes above what moved, and of no others.
 //!
-//! Source: Meister & Bittner 2018, §5 "Recompute bounding boxes", which recomputes all. Kind: two climbs from the two ends of every move, the
-//! node that lost leaves and the one that gained them. The first ([`mark`]) counts how many ways lead into each node; only the first to come
+//! Source: Meister & Bittner 2018, §5 "Recompute bounding boxes", which recomputes all. Kind: climbs from the ends of every move, the
+//! node that lost leaves and those that gained some. The first ([`mark`]) counts how many ways lead into each node; only the first to come
 //! goes on, so a node above many moves is passed once. The second ([`refit`]) counts down; the last to come completes the node and goes
 //! on, as in [`climb`](mod@crate::climb), after both of its children. All counts are 0 again at the end if the links are a tree: in a
 //! loop every node waits for another one.
 
-use super::{PrbvhParams, Reinsertion};
-use crate::mem::AtomicU32;
+use super::{Move, PrbvhParams};
+use crate::aabb::Aabb;
+use crate::mem::{AtomicU32, Slot};
 use crate::node::{AtomicNode, Links, NO_NODE, Node};
 
-/// Invocation `i` climbs from the ends of the move `found[i]`. Reads `nodes[2n-1]`, raises `ways[n-1]`, which starts as 0.
+/// Invocation `i` climbs from the ends of the move `found[i]`, if it was made. Reads `nodes[2n-1]`, raises `ways[n-1]`, which starts as 0. Returns
+/// how many nodes it was the first to come to.
 #[inline(always)]
-pub fn mark(i: u32, params: &PrbvhParams, found: &[Reinsertion], nodes: &[Node], ways: &[AtomicU32]) {
-    let Reinsertion { input, output, .. } = found[i as usize];
-    if output != NO_NODE {
-        mark_from(nodes.parent(input), params, nodes, ways);
-        mark_from(output, params, nodes, ways);
+pub fn mark(i: u32, params: &PrbvhParams, found: &[Slot<Move>], nodes: &[Node], ways: &[AtomicU32]) -> u32 {
+    let own = found[i as usize].get();
+    let mut marked = 0;
+    if own.has_won() {
+        marked += mark_from(own.output, params, nodes, ways);
+        marked += mark_from(own.other, params, nodes, ways);
+        if own.input() != own.other {
+            marked += mark_from(own.input(), params, nodes, ways);
+        }
     }
+    marked
 }
 
 #[inline(always)]
-fn mark_from(start: u32, params: &PrbvhParams, nodes: &[Node], ways: &[AtomicU32]) {
+fn mark_from(start: u32, params: &PrbvhParams, nodes: &[Node], ways: &[AtomicU32]) -> u32 {
     let mut v = start;
-    for _ in 0..params.nodes {
+    let mut marked = 0;
+    while marked < params.nodes {
         if v == NO_NODE || ways[v as usize].arrive() != 0 {
             break;
         }
+        marked += 1;
         v = nodes.parent(v);
     }
+    marked
 }
 
-/// Invocation `i` climbs from the ends of the move `found[i]` and recomputes boxes. Reads and writes `nodes[2n-1]`, lowers `ways[n-1]` to 0.
+/// Invocation `i` climbs from the ends of the move `found[i]` and recomputes boxes. Reads and writes `nodes[2n-1]`, lowers `ways[n-1]` to 0. Calls
+/// `complete(v, old box, left box, right box)` of each node that it completes and returns how many there were.
 #[inline(always)]
-pub fn refit(i: u32, params: &PrbvhParams, found: &[Reinsertion], nodes: &[AtomicNode], ways: &[AtomicU32]) {
-    let Reinsertion { input, output, .. } = found[i as usize];
-    if output != NO_NODE {
-        refit_from(nodes.parent(input), params, nodes, ways);
-        refit_from(output, params, nodes, ways);
+pub fn refit(
+    i: u32,
+    params: &PrbvhParams,
+    found: &[Slot<Move>],
+    nodes: &[AtomicNode],
+    ways: &[AtomicU32],
+    mut complete: impl FnMut(u32, Aabb, Aabb, Aabb),
+) -> u32 {
+    let own = found[i as usize].get();
+    let mut completed = 0;
+    if own.has_won() {
+        completed += refit_from(own.output, params, nodes, ways, &mut complete);
+        completed += refit_from(own.other, params, nodes, ways, &mut complete);
+        if own.input() != own.other {
+            completed += refit_from(own.input(), params, nodes, ways, &mut complete);
+        }
     }
+    completed
 }
 
 #[inline(always)]
-fn refit_from(start: u32, params: &PrbvhParams, nodes: &[AtomicNode], ways: &[AtomicU32]) {
+fn refit_from(
+    start: u32,
+    params: &PrbvhParams,
+    nodes: &[AtomicNode],
+    ways: &[AtomicU32],
+    complete: &mut impl FnMut(u32, Aabb, Aabb, Aabb),
+) -> u32 {
     let mut v = start;
-    for _ in 0..params.nodes {
+    let mut completed = 0;
+    while completed < params.nodes {
         if v == NO_NODE || ways[v as usize].depart() != 1 {
             break;
         }
         let left = nodes.down(v);
-        nodes[v as usize].set_aabb(nodes[left as usize].aabb().union(nodes[nodes.up(left) as usize].aabb()));
+        let (left_box, right_box) = (nodes[left as usize].aabb(), nodes[nodes.up(left) as usize].aabb());
+        complete(v, nodes[v as usize].aabb(), left_box, right_box);
+        nodes[v as usize].set_aabb(left_box.union(right_box));
+        completed += 1;
         v = nodes.parent(v);
     }
+    completed
 }

@@ -9,12 +9,11 @@
 //! no candidates. As published those can never win; evaluated exactly they did, and the final cost on six scenes changed by
 //! -0.1 % to +0.5 %, so they are left out.
 
-use super::candidates::largest_decrease;
-use super::{PrbvhParams, Reinsertion};
+use super::{Move, PrbvhParams};
 use crate::aabb::Aabb;
 use crate::mem::{AtomicU32, Slot};
-use crate::node::{Links, NO_NODE, Node, ROOT, WholeNodes};
-use crate::status::{self, FAULT_SEARCH_STEPS, FOUND, MOST_STEPS};
+use crate::node::{Links, NO_NODE, RIGHT, ROOT, WholeNodes, WideNode};
+use crate::status::{self, FAULT_SEARCH_STEPS, FOUND, MOST_STEPS, VISITS};
 
 /// A decrease must exceed this part of the areas that it was computed from, 16 roundings: below it is noise.
 pub const RELATIVE_THRESHOLD: f32 = 1.0 / (1 << 20) as f32;
@@ -23,54 +22,50 @@ pub const RELATIVE_THRESHOLD: f32 = 1.0 / (1 << 20) as f32;
 /// (341). Devices need a bound that is the same on all: lavapipe leaves a loop after 65,535 rounds without a word.
 pub const MAX_STEPS: u32 = 4096;
 
-/// Searches for `input` and returns the child of the pivot above its output, which may be the output itself. Without an output it has no
-/// meaning.
+/// Invocation `i` searches for its input node.
 #[inline(always)]
-pub fn search(
-    input: u32,
-    params: &PrbvhParams,
-    nodes: &[Node],
-    found: &Slot<Reinsertion>,
-    report: &[AtomicU32],
-) -> u32 {
-    let mut best = Reinsertion::NONE;
-    let mut top = NO_NODE;
-    if input != ROOT && input < params.nodes && (params.floor == 0.0 || largest_decrease(input, nodes) > params.floor) {
-        let (candidate, candidate_top, _) = best_output(input, params, nodes, report);
-        if candidate != NO_NODE {
-            let area_decrease = checked_area_decrease(input, candidate, nodes.parent(candidate_top), nodes);
+pub fn search(i: u32, params: &PrbvhParams, nodes: &[WideNode], found: &[Slot<Move>], report: &[AtomicU32]) {
+    let input = params.input(i);
+    let mut best = Move::NONE;
+    if input != ROOT && input < params.nodes {
+        let (output, top, _) = best_output(input, params, nodes, report);
+        if output != NO_NODE {
+            let area_decrease = checked_area_decrease(input, output, nodes.parent(top), nodes);
             if area_decrease > 0.0 {
-                best = Reinsertion { area_decrease, input, output: candidate };
-                top = candidate_top;
-                report[FOUND].add(1);
+                best = Move { area_decrease, input, output, other: top };
+                status::count(report, params.row, FOUND, 1);
             }
         }
     }
-    found.set(best);
-    top
+    found[i as usize].set(best);
 }
 
-/// The best output node, the child of its pivot above it, and the area decrease as the walk added it up; [`NO_NODE`] and the floor if no
-/// move promises a decrease above that.
+/// The best output node, the child of its pivot above it, and the area decrease as the walk added it up; [`NO_NODE`] and 0 if no
+/// move promises a decrease.
 #[inline(always)]
 #[must_use]
-pub fn best_output(input: u32, params: &PrbvhParams, nodes: &[Node], report: &[AtomicU32]) -> (u32, u32, f32) {
+pub fn best_output<T: WholeNodes + ?Sized>(
+    input: u32,
+    params: &PrbvhParams,
+    nodes: &T,
+    report: &[AtomicU32],
+) -> (u32, u32, f32) {
     let internal = params.nodes / 2;
-    let input_box = nodes[input as usize].aabb();
+    let input_box = nodes.box_of(input);
     let sibling = nodes.sibling(input);
     let parent = nodes.parent(input);
-    let parent_area = nodes[parent as usize].aabb().half_area();
+    let parent_area = nodes.box_of(parent).half_area();
     // No output can cost less than the input's own area.
     let bound = parent_area - input_box.half_area();
 
-    let mut best = params.floor;
+    let mut best = 0.0f32;
     let mut output = NO_NODE;
     let mut output_top = NO_NODE;
 
     let mut pivot = parent;
     // The subtree to search below the pivot, and the box of the pivot without the input.
     let mut top = sibling;
-    let mut pivot_box = nodes[sibling as usize].aabb();
+    let mut pivot_box = nodes.box_of(sibling);
     // Sum of decreases above the input up to the pivot; `d` adds the increases from the pivot down to `v`.
     let mut d_pivot = 0.0f32;
     let mut d = 0.0f32;
@@ -80,7 +75,7 @@ pub fn best_output(input: u32, params: &PrbvhParams, nodes: &[Node], report: &[A
 
     while !done && steps < MAX_STEPS {
         steps += 1;
-        let node = nodes[v as usize];
+        let node = nodes.whole(v);
         let area = node.aabb().union(input_box).half_area();
         if v != sibling {
             let decrease = d + (parent_area - area);
@@ -103,11 +98,11 @@ pub fn best_output(input: u32, params: &PrbvhParams, nodes: &[Node], report: &[A
             if v == top {
                 break;
             }
-            if up & crate::node::RIGHT == 0 {
+            if up & RIGHT == 0 {
                 break;
             }
-            v = up & !crate::node::RIGHT;
-            let above = nodes[v as usize];
+            v = up & !RIGHT;
+            let above = nodes.whole(v);
             d -= above.aabb().half_area() - above.aabb().union(input_box).half_area();
             up = above.up;
         }
@@ -119,25 +114,22 @@ pub fn best_output(input: u32, params: &PrbvhParams, nodes: &[Node], report: &[A
         if pivot == ROOT {
             done = true;
         } else {
-            let pivot_node = nodes[pivot as usize];
             if pivot != parent {
-                d_pivot += pivot_node.aabb().half_area() - pivot_box.half_area();
+                d_pivot += nodes.box_of(pivot).half_area() - pivot_box.half_area();
             }
             top = nodes.sibling(pivot);
             pivot = nodes.parent(pivot);
-            pivot_box = pivot_box.union(nodes[top as usize].aabb());
+            pivot_box = pivot_box.union(nodes.box_of(top));
             v = top;
             d = d_pivot;
         }
     }
     // Neither at the end nor at the bound: the device cut the loop short.
     if !done && steps < MAX_STEPS {
-        status::raise(report, FAULT_SEARCH_STEPS);
+        status::raise(report, params.row, FAULT_SEARCH_STEPS);
     }
-    // Most searches are not the longest: a read costs less than to own the word.
-    if steps > report[MOST_STEPS].load() {
-        report[MOST_STEPS].max(steps);
-    }
+    status::raise_most(report, params.row, MOST_STEPS, steps);
+    status::count(report, params.row, VISITS, steps);
     (output, output_top, best)
 }
 

@@ -20,10 +20,18 @@ pub(super) struct Runner {
 
 /// A command with its handles, all alive until the run has ended.
 enum Step<'a> {
-    Dispatch { handles: Handles, set: usize, push: &'a [u8], groups: [u32; 3] },
+    Dispatch { handles: Handles, set: usize, push: &'a [u8], groups: Groups },
     Clear(vk::Buffer),
     Copy { from: vk::Buffer, to: vk::Buffer, bytes: u64 },
     Nothing,
+}
+
+/// How many workgroups there are.
+#[derive(Clone, Copy)]
+enum Groups {
+    Of([u32; 3]),
+    /// As three words of a buffer say, from a byte on.
+    In(vk::Buffer, u64),
 }
 
 impl Runner {
@@ -123,7 +131,11 @@ impl Runner {
         }
         let handles = self.pipeline(dispatch.kernel)?;
         bindings.push(Bindings { layout: handles.set_layout, buffers: bound });
-        let (set, groups) = (bindings.len() - 1, grid::workgroups(dispatch.count));
+        let set = bindings.len() - 1;
+        let groups = match &dispatch.counted {
+            None => Groups::Of(grid::workgroups(dispatch.count)),
+            Some(counted) => Groups::In(buffers.find(&counted.buffer)?.buffer(), 4 * (counted.word as u64 + 1)),
+        };
         Ok(Step::Dispatch { handles, set, push: &dispatch.push, groups })
     }
 }
@@ -131,7 +143,7 @@ impl Runner {
 impl Step<'_> {
     fn record(&self, device: &ash::Device, commands: vk::CommandBuffer, sets: &[vk::DescriptorSet]) {
         match *self {
-            Self::Dispatch { handles, set, push, groups: [x, y, z] } => {
+            Self::Dispatch { handles, set, push, groups } => {
                 let point = vk::PipelineBindPoint::COMPUTE;
                 // SAFETY: the command buffer is being recorded; the pipeline lives until the run has ended.
                 unsafe { device.cmd_bind_pipeline(commands, point, handles.pipeline) };
@@ -141,8 +153,17 @@ impl Step<'_> {
                 unsafe {
                     device.cmd_push_constants(commands, handles.layout, vk::ShaderStageFlags::COMPUTE, 0, push);
                 };
-                // SAFETY: pipeline, set and push constants are bound, and `open` checked the limits of the largest grid.
-                unsafe { device.cmd_dispatch(commands, x, y, z) };
+                match groups {
+                    Groups::Of([x, y, z]) => {
+                        // SAFETY: pipeline, set and push constants are bound, and `open` checked the limits of the largest grid.
+                        unsafe { device.cmd_dispatch(commands, x, y, z) };
+                    }
+                    Groups::In(buffer, byte) => {
+                        // SAFETY: as above; `Recording::dispatch_counted` checked that the words are in the buffer, and kernels write no
+                        // larger grid than `grid::workgroups` makes.
+                        unsafe { device.cmd_dispatch_indirect(commands, buffer, byte) };
+                    }
+                }
             }
             Self::Clear(buffer) => {
                 // SAFETY: the command buffer is being recorded; the buffer lives until the run has ended.

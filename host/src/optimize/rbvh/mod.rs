@@ -15,7 +15,7 @@ mod tree;
 
 pub use tree::RbvhTree;
 
-use super::prbvh::cost_of_areas;
+use super::TreeAreas;
 use super::{IterationRow, Limits, Outcome, StopReason, set_relative_errors};
 use crate::bvh::{Bvh, TreeFault};
 use crate::device::Timing;
@@ -155,7 +155,7 @@ impl Run {
     /// SAH cost of the tree, one triangle per leaf.
     fn cost(&self) -> f64 {
         let tree = &self.tree;
-        cost_of_areas(tree.internal_area(), tree.leaf_area(), tree.root_area(), tree.internal() + 1)
+        TreeAreas { root: tree.root_area(), leaves: tree.leaf_area(), internal: tree.internal_area() }.cost(tree.internal() + 1)
     }
 
     fn batch(&mut self, settings: &RbvhSettings, iteration: u32, source: Source) -> IterationRow {

@@ -20,7 +20,7 @@ fn checked(tree: &RbvhTree, triangles: &[Triangle]) -> Bvh {
 }
 
 fn cost(tree: &RbvhTree) -> f64 {
-    cost_of_areas(tree.internal_area(), tree.leaf_area(), tree.root_area(), tree.internal() + 1)
+    TreeAreas { root: tree.root_area(), leaves: tree.leaf_area(), internal: tree.internal_area() }.cost(tree.internal() + 1)
 }
 
 fn eligible(tree: &RbvhTree) -> Vec<u32> {

@@ -2,7 +2,7 @@
 
 use super::place::{Placed, Rounds};
 use crate::aabb::Aabb;
-use crate::node::{Links, Node};
+use crate::node::WholeNodes;
 use crate::prbvh::search::RELATIVE_THRESHOLD;
 
 /// Sums of areas.
@@ -28,7 +28,7 @@ impl Sum {
 
 /// Nodes between `v` and `pivot`, both left out.
 #[inline(always)]
-fn nodes_between(v: u32, pivot: u32, nodes: &[Node], rounds: &mut Rounds) -> u32 {
+fn nodes_between<T: WholeNodes + ?Sized>(v: u32, pivot: u32, nodes: &T, rounds: &mut Rounds) -> u32 {
     let mut count = 0;
     let mut w = nodes.parent(v);
     while w != pivot && rounds.next() {
@@ -41,11 +41,11 @@ fn nodes_between(v: u32, pivot: u32, nodes: &[Node], rounds: &mut Rounds) -> u32
 /// The area decrease of the reinsertion of both children of `input`; 0 if rounding could account for it, if it might close a loop (see
 /// [`super`]), or if the rounds are used up.
 #[inline(always)]
-pub(super) fn checked_area_decrease(
+pub(super) fn checked_area_decrease<T: WholeNodes + ?Sized>(
     input: u32,
     first: &Placed,
     second: &Placed,
-    nodes: &[Node],
+    nodes: &T,
     rounds: &mut Rounds,
 ) -> f32 {
     let parent = nodes.parent(input);
@@ -53,16 +53,16 @@ pub(super) fn checked_area_decrease(
     let first_area = first.aabb.half_area();
     let second_area = second.aabb.half_area();
     let both = first.aabb.union(second.aabb);
-    let old = nodes[parent as usize].aabb().half_area() + nodes[input as usize].aabb().half_area();
+    let old = nodes.box_of(parent).half_area() + nodes.box_of(input).half_area();
     let mut sum = Sum { decrease: 0.0, magnitude: old };
 
     // Ancestors of the input: smaller, until each child has joined again.
     let mut has_first = first.pivot == parent;
     let mut has_second = second.pivot == parent;
-    let mut without: Aabb = nodes[sibling as usize].aabb();
+    let mut without: Aabb = nodes.box_of(sibling);
     let mut below = parent;
     while !(has_first && has_second) && rounds.next() {
-        without = without.union(nodes[nodes.sibling(below) as usize].aabb());
+        without = without.union(nodes.box_of(nodes.sibling(below)));
         below = nodes.parent(below);
         has_first |= below == first.pivot;
         has_second |= below == second.pivot;
@@ -74,7 +74,7 @@ pub(super) fn checked_area_decrease(
             if has_second {
                 aabb = aabb.union(second.aabb);
             }
-            sum.change(nodes[below as usize].aabb().half_area(), aabb.half_area());
+            sum.change(nodes.box_of(below).half_area(), aabb.half_area());
         }
     }
 
@@ -112,7 +112,7 @@ pub(super) fn checked_area_decrease(
             least = if second_area > least { second_area } else { least };
         }
         let node = if is_first { v } else { w };
-        let aabb = nodes[node as usize].aabb();
+        let aabb = nodes.box_of(node);
         let area = aabb.half_area();
         sum.change(area, aabb.union(grown).half_area());
         if node != sibling && area <= least {
@@ -120,8 +120,8 @@ pub(super) fn checked_area_decrease(
         }
     }
 
-    let x_box = nodes[x as usize].aabb();
-    let y_box = nodes[y as usize].aabb();
+    let x_box = nodes.box_of(x);
+    let y_box = nodes.box_of(y);
     let first_new;
     let second_new;
     if is_new || x == y {

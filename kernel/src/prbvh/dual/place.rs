@@ -2,7 +2,7 @@
 
 use crate::aabb::Aabb;
 use crate::mem::AtomicU32;
-use crate::node::{Links, NO_NODE, Node, RIGHT, ROOT};
+use crate::node::{NO_NODE, RIGHT, ROOT, WholeNodes};
 use crate::status::{self, FAULT_SEARCH_STEPS};
 
 /// A child with its place.
@@ -21,13 +21,21 @@ pub(super) struct Placed {
 impl Placed {
     /// `child`, which has no place.
     #[inline(always)]
-    pub(super) fn nowhere(child: u32, nodes: &[Node]) -> Self {
-        Self { aabb: nodes[child as usize].aabb(), child, output: NO_NODE, pivot: NO_NODE }
+    pub(super) fn nowhere<T: WholeNodes + ?Sized>(child: u32, nodes: &T) -> Self {
+        Self { aabb: nodes.box_of(child), child, output: NO_NODE, pivot: NO_NODE }
     }
 
     /// Whether node `v` with the box `aabb`, below `pivot`, has got the child below it.
     #[inline(always)]
-    fn is_below(&self, v: u32, aabb: Aabb, pivot: u32, output_box: Aabb, nodes: &[Node], rounds: &mut Rounds) -> bool {
+    fn is_below<T: WholeNodes + ?Sized>(
+        &self,
+        v: u32,
+        aabb: Aabb,
+        pivot: u32,
+        output_box: Aabb,
+        nodes: &T,
+        rounds: &mut Rounds,
+    ) -> bool {
         let mut is_below = false;
         if pivot == self.pivot && v != self.output && aabb.contains(output_box) {
             let mut w = nodes.parent(self.output);
@@ -44,6 +52,8 @@ impl Placed {
 #[derive(Clone, Copy)]
 pub(super) struct Rounds {
     pub(super) left: u32,
+    /// Of these, the looks at the boxes of possible places.
+    pub(super) visits: u32,
 }
 
 impl Rounds {
@@ -88,17 +98,23 @@ pub(super) struct Search {
     pub(super) most: f32,
     /// What a place must be better than.
     pub(super) floor: f32,
+    /// Pivots to take.
+    pub(super) pivots: u32,
+    /// The climb ends when no place above can be better than this many areas of the child at the least.
+    pub(super) ends: f32,
+    /// Where the row of the report begins.
+    pub(super) row: u32,
 }
 
 /// The best place of `child` in the tree without the input and its parent, but with `other`, if that has a place, and its value; the value
 /// is [`Search::most`] less the area that the insertion adds. The walk is the one of [`super::super::search`], with the boxes that ancestors
 /// have without the input. The output is the input's parent for the new parent of `other`.
 #[inline(always)]
-pub(super) fn best_place(
+pub(super) fn best_place<T: WholeNodes + ?Sized>(
     search: &Search,
     child: &Placed,
     other: &Placed,
-    nodes: &[Node],
+    nodes: &T,
     rounds: &mut Rounds,
     report: &[AtomicU32],
 ) -> (Placed, f32) {
@@ -111,7 +127,7 @@ pub(super) fn best_place(
     let mut new_growth = 0.0f32;
     let mut new_area = 0.0f32;
     if other.output != NO_NODE {
-        output_box = nodes[other.output as usize].aabb();
+        output_box = nodes.box_of(other.output);
         let new_box = output_box.union(other.aabb);
         new_area = new_box.union(child.aabb).half_area();
         new_growth = new_area - new_box.half_area();
@@ -121,7 +137,7 @@ pub(super) fn best_place(
     let mut pivot = parent;
     // The subtree to search below the pivot, and the box of the pivot without the input.
     let mut top = sibling;
-    let mut pivot_box = nodes[sibling as usize].aabb();
+    let mut pivot_box = nodes.box_of(sibling);
     // Whether the pivot has the other child below it.
     let mut has_other = false;
     // Sum of growths above the input below the pivot; `d` takes off the growths from the pivot down to `v`.
@@ -129,9 +145,11 @@ pub(super) fn best_place(
     let mut d = 0.0f32;
     let mut v = sibling;
     let mut done = false;
+    let mut pivots = 1;
 
     while !done && rounds.next() {
-        let node = nodes[v as usize];
+        rounds.visits += 1;
+        let node = nodes.whole(v);
         let mut here = d;
         if v == other.output {
             best.offer(d - new_area, parent, pivot);
@@ -144,9 +162,10 @@ pub(super) fn best_place(
         }
         let area = aabb.union(child.aabb).half_area();
         best.offer(here - area, v, pivot);
-        // Written so that a NaN does not descend.
+        // Written so that a NaN does not descend. Below a node that is no larger than the child a move might close a loop.
+        let own_area = node.aabb().half_area();
         let d_below = here + (aabb.half_area() - area);
-        if v < internal && d_below - child_area > best.value {
+        if v < internal && d_below - child_area > best.value && (own_area > child_area || v == sibling) {
             d = d_below;
             v = node.down;
             continue;
@@ -155,7 +174,7 @@ pub(super) fn best_place(
         let mut up = node.up;
         while v != top && up & RIGHT != 0 && rounds.next() {
             v = up & !RIGHT;
-            let above = nodes[v as usize];
+            let above = nodes.whole(v);
             let mut aabb = above.aabb();
             if other.is_below(v, aabb, pivot, output_box, nodes, rounds) {
                 aabb = aabb.union(other.aabb);
@@ -171,9 +190,10 @@ pub(super) fn best_place(
             continue;
         }
         // The next pivot; none if even the child's own area would be too much.
-        if pivot == ROOT || search.most - child_area <= best.value {
+        if pivot == ROOT || pivots >= search.pivots || search.most - search.ends * child_area <= best.value {
             done = true;
         } else {
+            pivots += 1;
             if pivot == other.pivot {
                 has_other = true;
             }
@@ -183,14 +203,14 @@ pub(super) fn best_place(
             }
             top = nodes.sibling(pivot);
             pivot = nodes.parent(pivot);
-            pivot_box = pivot_box.union(nodes[top as usize].aabb());
+            pivot_box = pivot_box.union(nodes.box_of(top));
             v = top;
             d = d_pivot;
         }
     }
     // Neither at the end nor at the bound: the device cut the loop short.
     if !done && rounds.left > 0 {
-        status::raise(report, FAULT_SEARCH_STEPS);
+        status::raise(report, search.row, FAULT_SEARCH_STEPS);
     }
     (Placed { output: best.output, pivot: best.pivot, ..*child }, best.value)
 }

@@ -1,0 +1,286 @@
+//! Worst first: rounds of dual moves of the nodes that look worst, few at first and then ever more; the broad tail at the end
+//! ([`prbvh_kernel::prbvh::worst`]).
+
+use super::prbvh::{Observe, Outcome, Session};
+use super::{PrbvhSettings, StopReason, TreeAreas, WorstFirst};
+use crate::build::DeviceTree;
+use crate::device::{Buffer, Device, DeviceError, Recording};
+use prbvh_kernel::Kernel;
+use prbvh_kernel::prbvh::dual::search::{DualParams, TO_THE_ROOT};
+use prbvh_kernel::prbvh::worst::RoundParams;
+use prbvh_kernel::prbvh::worst::books::{
+    BEGIN, CLOSE, EPOCH, LIST, OVER_FRINGE, OVER_LIST, OVER_POOL, WORST,
+};
+use prbvh_kernel::prbvh::{DUAL, PrbvhParams, ROUNDS};
+use prbvh_kernel::status::{FAULTS, FRINGE, GREW, REPORT_WORDS, SEARCHED, SHRUNK};
+use prbvh_kernel::sum::{scale_of, to_f64};
+
+/// Stages that unfold before the first round: nodes of a sixty-fourth of the root's area.
+const FIRST_STAGES: u32 = 4;
+/// As many times the nodes of a round should be in the pool: to look at a key costs little beside a search.
+const POOL: u32 = 16;
+/// Rounds of one submission: the first ones are short, and the host would take as long as they.
+const AT_ONCE: [u32; 4] = [6, 4, 3, 2];
+const MOST_AT_ONCE: u32 = AT_ONCE[0];
+
+pub(super) fn run(
+    device: &mut dyn Device,
+    tree: &DeviceTree,
+    areas: Option<TreeAreas>,
+    settings: &PrbvhSettings,
+    observe: Observe<'_>,
+) -> Result<Outcome, DeviceError> {
+    let mut session = Session::new(device, tree, tree.references - 1, MOST_AT_ONCE)?;
+    let lists = Lists::new(device, &mut session)?;
+    let working_bytes = device.memory().bytes;
+    let (areas, faults) = session.begin(device, areas, 1)?;
+    let mut rounds = Rounds { lists, areas, scale: scale_of(areas.root), lost: 0.0, best_cost: session.row().cost };
+    let stop = if faults == 0 {
+        rounds.run(&mut session, device, settings, observe)?
+    } else {
+        StopReason::Fault(faults)
+    };
+    // The last tree may be worse than one before it, or none.
+    let is_last_best = session.row().cost <= rounds.best_cost && !matches!(stop, StopReason::Fault(_));
+    if session.rows.len() > 1 && !is_last_best || matches!(stop, StopReason::Fault(_)) && faults == 0 {
+        let mut words = [0u32; EPOCH + 1];
+        device.download(&session.moves.books, bytemuck::cast_slice_mut(&mut words))?;
+        session.restore(device, words[EPOCH])?;
+    }
+    Ok(session.finish(device, stop, working_bytes))
+}
+
+/// Buffers of the order.
+#[derive(Debug)]
+struct Lists {
+    keys: Buffer,
+    pool: Buffer,
+    fringe: Buffer,
+    list: Buffer,
+}
+
+impl Lists {
+    fn new(device: &mut dyn Device, session: &mut Session<'_>) -> Result<Self, DeviceError> {
+        let places = session.internal.max(1) as usize;
+        let mut buffer = |label, length| session.scratch.allocate(device, label, length, 4);
+        Ok(Self {
+            keys: buffer("keys", places)?,
+            pool: buffer("pool", 2 * places)?,
+            fringe: buffer("fringe", 2 * places)?,
+            list: buffer("list", places)?,
+        })
+    }
+}
+
+/// How a part of the run searches.
+#[derive(Clone, Copy, Debug)]
+struct Search {
+    /// Nodes of the first round; each has more by the growth, up to the most.
+    first: f64,
+    most: f64,
+    both_orders: bool,
+    climb: u32,
+    slack: f32,
+}
+
+#[derive(Debug)]
+struct Rounds {
+    lists: Lists,
+    areas: TreeAreas,
+    scale: f32,
+    /// Area that the tree has lost so far.
+    lost: f64,
+    best_cost: f64,
+}
+
+impl Rounds {
+    fn run(
+        &mut self,
+        session: &mut Session<'_>,
+        device: &mut dyn Device,
+        settings: &PrbvhSettings,
+        observe: Observe<'_>,
+    ) -> Result<StopReason, DeviceError> {
+        let WorstFirst { first, most_part, tail_part, climb, slack, .. } = settings.worst_first;
+        let part = |part: f64| (part * f64::from(session.internal)).max(f64::from(first));
+        let mut parts = vec![Search { first: first.into(), most: part(most_part), both_orders: false, climb: climb.min(TO_THE_ROOT), slack }];
+        if tail_part > 0.0 {
+            let most = part(tail_part);
+            parts.push(Search { first: most, most, both_orders: true, climb: TO_THE_ROOT, slack: 0.0 });
+        }
+        for part in parts {
+            if let Some(stop) = self.search(session, device, settings, observe, part)? {
+                return Ok(stop);
+            }
+        }
+        Ok(StopReason::Converged)
+    }
+
+    /// Rounds until nothing is gained; the reason if that is not why it stops.
+    fn search(
+        &mut self,
+        session: &mut Session<'_>,
+        device: &mut dyn Device,
+        settings: &PrbvhSettings,
+        observe: Observe<'_>,
+        search: Search,
+    ) -> Result<Option<StopReason>, DeviceError> {
+        let WorstFirst { growth, settles, patience, .. } = settings.worst_first;
+        let mut wanted = search.first;
+        let mut idle = 0;
+        let mut settled_at = self.best_cost;
+        let mut submissions = 0;
+        let begins_at = session.row().iteration;
+        if begins_at == 0 && observe(session.row(), session.tree, device).is_break() {
+            return Ok(Some(StopReason::Cancelled));
+        }
+        loop {
+            let done = session.row().iteration;
+            if settings.limits.is_target(session.row().cost) {
+                return Ok(Some(StopReason::Target));
+            }
+            if let Some(stop) = settings.limits.used_up(done, session.elapsed()) {
+                return Ok(Some(stop));
+            }
+            let at_once = if settings.worst_first.row_by_row { 1 } else { AT_ONCE.get(submissions).copied().unwrap_or(1) };
+            let at_once = at_once.min(settings.limits.max_iterations - done);
+            let mut recording = Recording::new();
+            recording.clear("select", &session.moves.report);
+            let mut ends = Vec::new();
+            for k in 0..at_once {
+                let next = (wanted * growth).min(search.most).max(wanted);
+                let params = self.params(session, wanted, next, k);
+                if submissions == 0 && k == 0 {
+                    self.record_begin(session, &mut recording, &params, done > 0);
+                }
+                self.record_round(session, &mut recording, &params, &search, settings.worst_first.lock_rounds);
+                ends.push(recording.commands().len());
+                wanted = next;
+            }
+            submissions += 1;
+            let reports = session.submit_rows(device, &recording, &ends)?;
+            for (report, clock) in reports {
+                if report[FAULTS] != 0 {
+                    return Ok(Some(StopReason::Fault(report[FAULTS])));
+                }
+                let change = |word| to_f64(report[word], report[word + 1], self.scale);
+                self.lost += change(SHRUNK) - change(GREW);
+                let areas = TreeAreas { internal: self.areas.internal - self.lost, ..self.areas };
+                let cost = areas.cost(session.tree.references);
+                session.push_row(&report, 1, cost, &self.areas, self.scale, clock);
+                self.best_cost = self.best_cost.min(cost);
+                // A round of few nodes may gain nothing, and the next one much; unless there are no more.
+                let is_broad = f64::from(report[SEARCHED]) >= 0.5 * search.most || report[FRINGE] == 0;
+                if cost < settled_at * (1.0 - settles) {
+                    settled_at = cost;
+                    idle = 0;
+                } else if is_broad {
+                    idle += 1;
+                }
+                if report[SEARCHED] == 0 && report[FRINGE] == 0 {
+                    idle = patience;
+                }
+                if observe(session.row(), session.tree, device).is_break() {
+                    return Ok(Some(StopReason::Cancelled));
+                }
+            }
+            if idle >= patience {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// Of the `k`-th round of a submission.
+    fn params(&self, session: &Session<'_>, wanted: f64, next: f64, k: u32) -> RoundParams {
+        RoundParams {
+            count: session.internal,
+            nodes: session.node_count,
+            root_area: self.areas.root as f32,
+            scale: self.scale,
+            row: k * REPORT_WORDS,
+            page: 0,
+            wanted: wanted as u32,
+            pool: (next as u32).saturating_mul(POOL),
+        }
+    }
+
+    /// Records that the pool is empty and unfolds the top of the tree.
+    fn record_begin(&self, session: &Session<'_>, recording: &mut Recording, params: &RoundParams, again: bool) {
+        if again {
+            recording.clear("unfold", &self.lists.keys);
+        }
+        self.page(session, recording, params, BEGIN);
+        for _ in 0..FIRST_STAGES {
+            self.record_unfold(session, recording, params);
+            self.page(session, recording, params, CLOSE);
+        }
+    }
+
+    fn page(&self, session: &Session<'_>, recording: &mut Recording, params: &RoundParams, page: u32) {
+        session.moves.record_page(recording, "select", &RoundParams { page, ..*params }, &self.lists.fringe);
+    }
+
+    fn record_unfold(&self, session: &Session<'_>, recording: &mut Recording, params: &RoundParams) {
+        let Lists { keys, pool, fringe, .. } = &self.lists;
+        let books = &session.moves.books;
+        let buffers = [&session.tree.nodes, keys, fringe, pool, books];
+        recording.dispatch_counted(
+            "unfold",
+            Kernel::WorstUnfold,
+            params.count,
+            params,
+            &buffers,
+            books,
+            OVER_FRINGE,
+        );
+    }
+
+    fn record_round(
+        &self,
+        session: &Session<'_>,
+        recording: &mut Recording,
+        params: &RoundParams,
+        search: &Search,
+        lock_rounds: u32,
+    ) {
+        let Lists { keys, pool, fringe, list } = &self.lists;
+        let (nodes, ways) = (&session.tree.nodes, &session.measure.arrivals);
+        let moves = &session.moves;
+        let (books, found, report) = (&moves.books, &moves.found, &moves.report);
+        let over_pool = |recording: &mut Recording, kernel, buffers: &[&Buffer]| {
+            recording.dispatch_counted("select", kernel, params.count, params, buffers, books, OVER_POOL);
+        };
+        over_pool(recording, Kernel::WorstCount, &[pool, keys, books]);
+        self.page(session, recording, params, WORST);
+        over_pool(recording, Kernel::WorstSelect, &[keys, pool, list, books]);
+        self.record_unfold(session, recording, params);
+        self.page(session, recording, params, LIST);
+
+        let dual = DualParams {
+            count: params.count,
+            nodes: params.nodes,
+            both_orders: search.both_orders.into(),
+            climb: search.climb,
+            slack: search.slack,
+            row: params.row,
+        };
+        let buffers = [nodes, list, found, keys, books, report];
+        recording.dispatch_counted("search", Kernel::DualSearch, dual.count, &dual, &buffers, books, OVER_LIST);
+        let params_of_moves = PrbvhParams {
+            count: params.count,
+            mu: 1,
+            first: 0,
+            nodes: params.nodes,
+            flags: DUAL | ROUNDS,
+            row: params.row,
+            scale: params.scale,
+        };
+        moves.record_lock_rounds(recording, &params_of_moves, lock_rounds);
+        moves.record_reinsert(recording, &params_of_moves);
+        let buffers = [found, nodes, ways, keys, fringe, books, report];
+        moves.dispatch(recording, "refit", Kernel::WorstMark, &params_of_moves, &buffers);
+        let buffers = [found, nodes, ways, keys, pool, books, report];
+        moves.dispatch(recording, "refit", Kernel::WorstRefit, &params_of_moves, &buffers);
+        self.page(session, recording, params, CLOSE);
+    }
+}

@@ -1,0 +1,49 @@
+//! Keeping the best tree without a copy of it: a node that changes its children for the first time since the best tree notes which it had.
+//!
+//! Kind: scatter ([`keep`], by the owner of the node), map with one writer per word ([`restore`]).
+
+use crate::mem::Slot;
+use crate::node::{AtomicNode, Links, RIGHT};
+use bytemuck::{Pod, Zeroable};
+
+/// The children that an internal node had in a best tree.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Kept {
+    /// Number of that tree, from 1 on; 0 if the node never changed.
+    pub epoch: u32,
+    /// Its left child.
+    pub left: u32,
+    /// Its right child.
+    pub right: u32,
+}
+
+/// Push constants of [`restore`].
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct RestoreParams {
+    /// Invocations: one per internal node, `n-1`.
+    pub count: u32,
+    /// The best tree.
+    pub epoch: u32,
+}
+
+/// Notes the children of `v`, which its caller owns, unless those of the best tree `epoch` are noted already.
+#[inline(always)]
+pub fn keep(v: u32, epoch: u32, nodes: &[AtomicNode], kept: &[Slot<Kept>]) {
+    if kept[v as usize].get().epoch != epoch {
+        let left = nodes.down(v);
+        kept[v as usize].set(Kept { epoch, left, right: nodes.up(left) });
+    }
+}
+
+/// Invocation `i` gives node `i` the children back that it had in the best tree. Boxes are stale until the next refit.
+#[inline(always)]
+pub fn restore(i: u32, params: &RestoreParams, kept: &[Kept], nodes: &[AtomicNode]) {
+    let Kept { epoch, left, right } = kept[i as usize];
+    if epoch == params.epoch {
+        nodes[i as usize].set_down(left);
+        nodes[left as usize].set_up(right);
+        nodes[right as usize].set_up(i | RIGHT);
+    }
+}

@@ -1,0 +1,183 @@
+//! What one invocation does between the dispatches of many: lengths of lists, the worst keys, the sum of the areas.
+//!
+//! Kind: a single invocation, on one of four [pages](RoundParams::page).
+
+use super::RoundParams;
+use super::select::{CHUNK, thinning};
+use crate::grid;
+use crate::mem::{AtomicU32, Slot};
+use crate::node::ROOT;
+use crate::status::{
+    self, FAULT_BROKEN_TREE, FAULTS, FRINGE, GREW, MARKED, REFITTED, SEARCHED, SHRUNK,
+};
+use crate::sum::Sum;
+
+/// Words of the books.
+pub const BOOKS_WORDS: u32 = HISTOGRAM as u32 + BUCKETS;
+
+/// Invocations over the pool, and their workgroups along three axes: what an indirect dispatch takes.
+pub const OVER_POOL: usize = 0;
+/// The same over the list.
+pub const OVER_LIST: usize = 4;
+/// The same over the fringe.
+pub const OVER_FRINGE: usize = 8;
+/// Nodes on each side of the pool.
+pub const POOL_LENGTH: usize = 12;
+/// Nodes on each side of the fringe.
+pub const FRINGE_LENGTH: usize = 14;
+/// Nodes on the list.
+pub const LIST_LENGTH: usize = 16;
+/// The side of the pool that is filled.
+pub const POOL_SIDE: usize = 17;
+/// The side of the fringe that unfolds, or waits to.
+pub const FRINGE_SIDE: usize = 18;
+/// The root's area is divided by four so often.
+pub const STAGE: usize = 19;
+/// Whether the fringe unfolds in this round.
+pub const UNFOLDS: usize = 20;
+/// Bucket of the least of the worst keys.
+pub const BUCKET: usize = 21;
+/// Parts of [`CELLS`] of that bucket that are among them.
+pub const PART: usize = 22;
+/// Number of the best tree, from 1 on.
+pub const EPOCH: usize = 23;
+/// Two words: a [`Sum`] of what the areas have lost since the first tree, less what they gained.
+pub const LOST: usize = 24;
+/// The same of the best tree.
+pub const MOST_LOST: usize = 26;
+/// Keys in each bucket.
+pub const HISTOGRAM: usize = 32;
+/// Buckets.
+pub const BUCKETS: u32 = 256;
+/// Parts that a bucket can be cut into.
+pub const CELLS: u32 = 256;
+
+/// Most stages: below the last one areas are so small a part of the root's that a sum does not see them.
+pub const MOST_STAGES: u32 = 24;
+
+/// Page on which a run begins, or begins again: an empty pool, and the root is the fringe.
+pub const BEGIN: u32 = 0;
+/// Page after the count.
+pub const WORST: u32 = 1;
+/// Page after the selection.
+pub const LIST: u32 = 2;
+/// Page at the end of a round.
+pub const CLOSE: u32 = 3;
+/// Page of a new best tree, for an order that measures the tree by itself.
+pub const BEST: u32 = 4;
+
+/// Writes the page `params.page`.
+#[inline(always)]
+pub fn books(params: &RoundParams, books: &[AtomicU32], fringe: &[Slot<u32>], report: &[AtomicU32]) {
+    if params.page == BEGIN {
+        begin(params, books, fringe);
+    } else if params.page == WORST {
+        worst(params, books);
+    } else if params.page == LIST {
+        let length = books[LIST_LENGTH].load();
+        run_over(books, OVER_LIST, length);
+        report[params.row as usize + SEARCHED].store(length);
+    } else if params.page == CLOSE {
+        close(params, books, report);
+    } else {
+        books[EPOCH].add(1);
+    }
+}
+
+/// Has as many invocations as this many run at `at`.
+#[inline(always)]
+fn run_over(books: &[AtomicU32], at: usize, count: u32) {
+    let [x, y, z] = grid::workgroups(count);
+    books[at].store(count);
+    books[at + 1].store(x);
+    books[at + 2].store(y);
+    books[at + 3].store(z);
+}
+
+#[inline(always)]
+fn begin(params: &RoundParams, books: &[AtomicU32], fringe: &[Slot<u32>]) {
+    for word in 0..EPOCH {
+        books[word].store(0);
+    }
+    if books[EPOCH].load() == 0 {
+        books[EPOCH].store(1);
+    }
+    // A tree of one node has no fringe.
+    if params.places() > 0 {
+        fringe[0].set(ROOT);
+        books[FRINGE_LENGTH].store(1);
+        books[UNFOLDS].store(1);
+        run_over(books, OVER_FRINGE, 1);
+    }
+}
+
+/// Finds the bucket down to which keys are among the worst; empties the histogram.
+#[inline(always)]
+fn worst(params: &RoundParams, books: &[AtomicU32]) {
+    let thinning = thinning(books[POOL_LENGTH + books[POOL_SIDE].load() as usize].load());
+    let mut above = 0u32;
+    let mut bucket = 0u32;
+    let mut inside = 0u32;
+    let mut is_found = false;
+    for k in 0..BUCKETS {
+        let b = BUCKETS - 1 - k;
+        let keys = books[HISTOGRAM + b as usize].load() << thinning;
+        books[HISTOGRAM + b as usize].store(0);
+        if !is_found {
+            if above + keys >= params.wanted {
+                is_found = true;
+                bucket = b;
+                inside = keys;
+            } else {
+                above += keys;
+            }
+        }
+    }
+    let mut part = CELLS;
+    if is_found {
+        // Both without their last digits if the product would not fit.
+        let (mut room, mut keys) = (params.wanted - above, inside);
+        while keys >= 1 << 22 {
+            room >>= 1;
+            keys >>= 1;
+        }
+        part = (room * CELLS).div_ceil(keys);
+    }
+    books[BUCKET].store(bucket);
+    books[PART].store(part);
+    books[LIST_LENGTH].store(0);
+    let side = books[POOL_SIDE].load() ^ 1;
+    books[POOL_SIDE].store(side);
+    books[POOL_LENGTH + side as usize].store(0);
+}
+
+#[inline(always)]
+fn close(params: &RoundParams, books: &[AtomicU32], report: &[AtomicU32]) {
+    let row = params.row as usize;
+    let lost = Sum::load(books, LOST).plus(Sum::load(report, row + SHRUNK)).minus(Sum::load(report, row + GREW));
+    lost.store(books, LOST);
+    if report[row + MARKED].load() != report[row + REFITTED].load() {
+        status::raise(report, params.row, FAULT_BROKEN_TREE);
+    }
+    // What a fault left is no tree to keep.
+    if report[row + FAULTS].load() == 0 && lost.exceeds(Sum::load(books, MOST_LOST)) {
+        lost.store(books, MOST_LOST);
+        books[EPOCH].add(1);
+    }
+    let mut side = books[FRINGE_SIDE].load();
+    if books[UNFOLDS].load() != 0 {
+        books[FRINGE_LENGTH + side as usize].store(0);
+        side ^= 1;
+        books[FRINGE_SIDE].store(side);
+    }
+    let fringe = books[FRINGE_LENGTH + side as usize].load();
+    let pool = books[POOL_LENGTH + books[POOL_SIDE].load() as usize].load();
+    let unfolds = fringe > 0 && pool < params.pool;
+    books[UNFOLDS].store(unfolds as u32);
+    if unfolds && books[STAGE].load() < MOST_STAGES {
+        books[STAGE].add(1);
+    }
+    run_over(books, OVER_FRINGE, if unfolds { fringe } else { 0 });
+    run_over(books, OVER_POOL, pool.div_ceil(CHUNK));
+    report[row + FRINGE].store(fringe);
+}

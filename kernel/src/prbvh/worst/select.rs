@@ -1,0 +1,117 @@
+//! The worst nodes of the pool, without a sort: a histogram of the keys, a threshold ([`super::books`]), a selection.
+//!
+//! Kind: maps over chunks of the pool, and scatters to places that a common counter gives.
+
+use super::RoundParams;
+use super::books::{BUCKET, BUCKETS, CELLS, HISTOGRAM, LIST_LENGTH, PART, POOL_LENGTH, POOL_SIDE};
+use super::keys::{IN_POOL, measure_of, waits};
+use crate::math::umin;
+use crate::mem::{AtomicU32, Slot};
+
+/// Nodes of the pool that one invocation looks at.
+pub const CHUNK: u32 = 32;
+
+/// Steps of a bucket to a factor of two.
+const STEPS: u32 = 4;
+/// Buckets above the area of the root: a measure may exceed the area.
+const ABOVE_ROOT: u32 = 24 * STEPS;
+
+/// The bucket of a measure: larger ones hold larger measures.
+#[inline(always)]
+fn bucket(measure: u32, root_area: f32) -> u32 {
+    let step = |bits: u32| bits >> 21;
+    let top = step(root_area.to_bits()) + ABOVE_ROOT;
+    let below = top - umin(step(measure), top);
+    BUCKETS - 1 - umin(below, BUCKETS - 1)
+}
+
+/// Which of the [`CELLS`] a node belongs to: neighbours to different ones (Knuth's multiplicative hashing).
+#[inline(always)]
+fn cell(v: u32) -> u32 {
+    v.wrapping_mul(0x9e37_79b9) >> (32 - CELLS.ilog2())
+}
+
+/// One in two to this power of the nodes of a pool is counted: of a large pool a part tells enough, and all threads count in the same few words.
+#[inline(always)]
+pub(super) fn thinning(length: u32) -> u32 {
+    let mut thinning = 0;
+    while thinning < 4 && length >> thinning > 4096 {
+        thinning += 1;
+    }
+    thinning
+}
+
+/// Invocation `i` counts the keys of a chunk of the pool, or of some of its nodes. Reads `pool[2(n-1)]` and `keys[n-1]`.
+#[inline(always)]
+pub fn count(i: u32, params: &RoundParams, pool: &[u32], keys: &[u32], books: &[AtomicU32]) {
+    let side = books[POOL_SIDE].load();
+    let length = books[POOL_LENGTH + side as usize].load();
+    let end = umin((i + 1) * CHUNK, length);
+    let counted = CELLS >> thinning(length);
+    for place in i * CHUNK..end {
+        let v = pool[(side * params.places() + place) as usize];
+        if cell(v) >= counted {
+            continue;
+        }
+        let key = keys[v as usize];
+        if waits(key) {
+            books[HISTOGRAM + bucket(measure_of(key), params.root_area) as usize].add(1);
+        }
+    }
+}
+
+/// Invocation `i` puts the worst of a chunk of the pool on the list, and all that are not tired on the other side of the pool. Writes `list[n-1]`, the
+/// keys of those that leave, and the other side of `pool[2(n-1)]`.
+#[inline(always)]
+pub fn select(
+    i: u32,
+    params: &RoundParams,
+    keys: &[AtomicU32],
+    pool: &[Slot<u32>],
+    list: &[Slot<u32>],
+    books: &[AtomicU32],
+) {
+    let places = params.places();
+    let to = books[POOL_SIDE].load();
+    let from = to ^ 1;
+    let end = umin((i + 1) * CHUNK, books[POOL_LENGTH + from as usize].load());
+    let least = books[BUCKET].load();
+    let part = books[PART].load();
+    // Two bits for each node: whether it stays in the pool, whether it goes on the list.
+    let mut stays = 0u32;
+    let mut goes = 0u32;
+    let mut stay = 0;
+    let mut go = 0;
+    for place in i * CHUNK..end {
+        let v = pool[(from * places + place) as usize].get();
+        let key = keys[v as usize].load();
+        let bit = 1 << (place - i * CHUNK);
+        if waits(key) {
+            stays |= bit;
+            stay += 1;
+            let bucket = bucket(measure_of(key), params.root_area);
+            if bucket > least || (bucket == least && cell(v) < part) {
+                goes |= bit;
+                go += 1;
+            }
+        } else {
+            keys[v as usize].store(key & !IN_POOL);
+        }
+    }
+    if stay > 0 {
+        let mut stay_place = to * places + books[POOL_LENGTH + to as usize].add(stay);
+        let mut go_place = if go > 0 { books[LIST_LENGTH].add(go) } else { 0 };
+        for place in i * CHUNK..end {
+            let bit = 1 << (place - i * CHUNK);
+            if stays & bit != 0 {
+                let v = pool[(from * places + place) as usize].get();
+                pool[stay_place as usize].set(v);
+                stay_place += 1;
+                if goes & bit != 0 {
+                    list[go_place as usize].set(v);
+                    go_place += 1;
+                }
+            }
+        }
+    }
+}
