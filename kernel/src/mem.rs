@@ -238,6 +238,20 @@ impl<T: Pod> Slot<T> {
     }
 }
 
+/// Asks for an element that will be read soon, without waiting for it; nothing where the index is none of the slice, or on a GPU, which has other
+/// invocations to run meanwhile.
+#[inline(always)]
+pub fn prefetch<T>(slice: &[T], index: u32) {
+    #[cfg(all(target_arch = "x86_64", not(target_arch = "spirv")))]
+    if let Some(element) = slice.get(index as usize) {
+        use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: a hint without effect on memory, at the address of a live element.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(core::ptr::from_ref(element).cast()) };
+    }
+    #[cfg(not(all(target_arch = "x86_64", not(target_arch = "spirv"))))]
+    let _ = (slice, index);
+}
+
 /// A shared view, as nodes that many invocations may touch, of memory that the caller holds exclusively.
 #[cfg(not(target_arch = "spirv"))]
 #[must_use]

@@ -16,7 +16,7 @@
 
 use crate::aabb::Aabb;
 use crate::math::select;
-use crate::mem::AtomicU32;
+use crate::mem::{AtomicU32, prefetch};
 use bytemuck::{Pod, Zeroable};
 
 /// Set in [`Node::up`] of a right child, whose other bits are its parent.
@@ -115,6 +115,10 @@ pub trait WholeNodes: Links {
     /// Node `v`.
     fn whole(&self, v: u32) -> Node;
 
+    /// Asks for node `v`, which may be none, before it is needed.
+    #[inline(always)]
+    fn ask_for(&self, _v: u32) {}
+
     /// Box of node `v`.
     #[inline(always)]
     fn box_of(&self, v: u32) -> Aabb {
@@ -149,6 +153,11 @@ impl WholeNodes for [WideNode] {
     #[inline(always)]
     fn whole(&self, v: u32) -> Node {
         self[v as usize].node()
+    }
+
+    #[inline(always)]
+    fn ask_for(&self, v: u32) {
+        prefetch(self, v);
     }
 }
 

@@ -7,9 +7,9 @@ use prbvh::bvh::Bvh;
 use prbvh::device::{Device, on_host};
 use prbvh::scene::{SafeRange, Scene};
 use prbvh_kernel::node::Node;
-use prbvh_tests::bench::curve::{Curve, Point, first_to_reach, lowest};
+use prbvh_tests::bench::curve::{Curve, Point, first_to_reach, lowest, time_to_reach};
 use prbvh_tests::bench::obvhs::{cost, decoded, ploc, triangles};
-use prbvh_tests::bench::targets::{PeerPoint, SceneResult};
+use prbvh_tests::bench::targets::{AgainstPublished, PeerPoint, SceneResult};
 use serde::Serialize;
 use std::time::Duration;
 
@@ -53,6 +53,8 @@ pub(crate) struct Ours {
     pub(crate) end_s: f64,
     pub(crate) is_cut: bool,
     pub(crate) stop: String,
+    /// Nodes that the searches looked at until the end of the published order.
+    pub(crate) visits: Option<u64>,
 }
 
 /// All points of both.
@@ -120,13 +122,16 @@ pub(crate) fn run(experiment: Experiment, scene: &Scene, device: &mut dyn Device
         }
     }
     let theirs: Vec<_> = theirs.iter().flat_map(TheirRuns::points).collect();
-    let ours: Vec<Ours> = ours.iter().filter(|runs| runs.repetitions() > 0).map(summed_up).collect();
+    let published = ours.iter().filter(|runs| runs.configuration.family == Family::Published);
+    let published_cost = published.map(|runs| lowest(&runs.curve().points)).min_by(f64::total_cmp);
+    let ran = ours.iter().filter(|runs| runs.repetitions() > 0);
+    let ours: Vec<Ours> = ran.map(|runs| summed_up(runs, published_cost)).collect();
     let result = result(scene, &theirs, &ours);
     let initial_cost = given.map(|given| given.cost);
     Outcome { experiment, initial_cost, limit_s, repeat: effort.repeat, theirs, ours, result }
 }
 
-fn summed_up(runs: &OurRuns<'_>) -> Ours {
+fn summed_up(runs: &OurRuns<'_>, published_cost: Option<f64>) -> Ours {
     Ours {
         curve: runs.curve(),
         family: runs.configuration.family,
@@ -136,6 +141,7 @@ fn summed_up(runs: &OurRuns<'_>) -> Ours {
         end_s: runs.end_s(),
         is_cut: runs.is_cut(),
         stop: runs.stop.map_or_else(String::new, |stop| stop.to_string()),
+        visits: published_cost.and_then(|cost| runs.visits_to(cost)),
     }
 }
 
@@ -161,9 +167,39 @@ fn result(scene: &Scene, theirs: &[(String, Point, bool)], ours: &[Ours]) -> Sce
         triangles: scene.triangles.len(),
         points: points.collect(),
         peer_best: lowest(&theirs.iter().map(|(_, point, _)| *point).collect::<Vec<_>>()),
-        prbvh: lowest_of(&|ours| ours.family == Family::Prbvh).unwrap_or(f64::NAN),
+        worst_first: lowest_of(&|ours| ours.family == Family::WorstFirst).unwrap_or(f64::NAN),
         lowest: lowest_of(&|_| true).unwrap_or(f64::NAN),
         rbvh: whole(Family::Rbvh),
         rbvh_undo: whole(Family::RbvhUndo),
+        published: against_published(ours),
+        sequential: against_sequential(ours),
     }
+}
+
+/// The first of a family's curves, of which worst first has several.
+fn curves_of(ours: &[Ours], is_meant: impl Fn(Family) -> bool) -> Vec<Curve> {
+    ours.iter().filter(|ours| is_meant(ours.family)).map(|ours| ours.curve.clone()).collect()
+}
+
+/// How soon, and after how many visits, worst first is where the published order ends.
+fn against_published(ours: &[Ours]) -> Option<AgainstPublished> {
+    let published = ours.iter().find(|ours| ours.family == Family::Published && !ours.is_cut)?;
+    let cost = lowest(&published.curve.points);
+    let theirs = time_to_reach(&published.curve.points, cost)?;
+    let (_, time) = first_to_reach(&curves_of(ours, |family| family == Family::WorstFirst), cost)?;
+    let visits = ours.iter().filter(|ours| ours.family == Family::WorstFirst).filter_map(|ours| ours.visits).min()?;
+    Some(AgainstPublished { cost, time: time / theirs, visits: visits as f64 / published.visits? as f64 })
+}
+
+/// Our time ÷ RBVH's to each cost on its curves, the largest.
+fn against_sequential(ours: &[Ours]) -> Option<f64> {
+    let worst_first = curves_of(ours, |family| family == Family::WorstFirst);
+    let rbvh = curves_of(ours, |family| matches!(family, Family::Rbvh | Family::RbvhUndo));
+    let initial = worst_first.first()?.points.first()?.cost;
+    let points = rbvh.iter().flat_map(|curve| &curve.points).filter(|point| point.cost < initial && point.time_s > 0.0);
+    let ratios = points.map(|point| match first_to_reach(&worst_first, point.cost) {
+        Some((_, time)) => time / point.time_s,
+        None => f64::INFINITY,
+    });
+    ratios.max_by(f64::total_cmp)
 }

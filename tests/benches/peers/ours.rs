@@ -3,7 +3,9 @@
 use prbvh::build::{self, CodeCensus, DEFAULT_RADIUS, DeviceTree, MortonBits, TreeletSize};
 use prbvh::bvh::summary;
 use prbvh::device::{Device, DeviceError, on_host};
-use prbvh::optimize::{Epsilon, MoveKind, Order, PrbvhSettings, RbvhSettings, StopReason, prbvh, rbvh};
+use prbvh::optimize::{
+    Order, PrbvhSettings, RbvhSettings, StopReason, TreeAreas, WorstFirst, measure, prbvh_from, rbvh,
+};
 use prbvh::pipeline::{Initial, Optimizer};
 use prbvh::scene::{SafeRange, Scene};
 use prbvh_kernel::node::Node;
@@ -22,7 +24,9 @@ const F64_TOLERANCE: f64 = 1e-9;
 /// What a configuration counts as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Family {
-    Prbvh,
+    WorstFirst,
+    /// The published order.
+    Published,
     /// RBVH as published.
     Rbvh,
     RbvhUndo,
@@ -64,29 +68,20 @@ impl Configuration {
 
 /// The schedules of PRBVH that are tried. A new one is a new line.
 fn schedules() -> Vec<Configuration> {
-    let paper = |mu, epsilon| {
-        let settings = PrbvhSettings { mu, epsilon: Epsilon::Relative(epsilon), ..PrbvhSettings::default() };
-        (format!("prbvh µ={mu} ε={epsilon}"), settings)
+    let worst_first = |name: &str, worst_first| {
+        let settings = PrbvhSettings { order: Order::WorstFirst, worst_first, ..PrbvhSettings::default() };
+        (format!("worst first{name}"), Family::WorstFirst, settings)
     };
-    let largest_first = |mu, epsilon| {
-        let (_, settings) = paper(mu, epsilon);
-        let settings = PrbvhSettings { order: Order::LargestFirst, ..settings };
-        (format!("prbvh largest first µ={mu} ε={epsilon}"), settings)
-    };
-    let dual = |(name, settings): (String, PrbvhSettings)| {
-        (format!("{name} dual"), PrbvhSettings { moves: MoveKind::Dual, ..settings })
-    };
+    let default = WorstFirst::default();
     let tried = [
-        largest_first(9, 1e-4),
-        paper(9, 1e-4),
-        paper(4, 1e-4),
-        paper(1, 1e-4),
-        dual(paper(9, 1e-4)),
-        dual(largest_first(9, 1e-4)),
+        worst_first("", default),
+        worst_first(" from 8 by 1.3", WorstFirst { first: 8, growth: 1.3, ..default }),
+        worst_first(" from 64", WorstFirst { first: 64, ..default }),
+        ("published µ=9 ε=0.0001".to_owned(), Family::Published, PrbvhSettings::published()),
     ];
-    let configuration = |(name, prbvh)| Configuration {
+    let configuration = |(name, family, prbvh)| Configuration {
         name,
-        family: Family::Prbvh,
+        family,
         initial: Initial::default(),
         optimizer: Optimizer::Prbvh,
         prbvh,
@@ -146,6 +141,8 @@ pub(crate) struct OurRuns<'a> {
     device_costs: Vec<f64>,
     times: Vec<Vec<f64>>,
     ends: Vec<f64>,
+    /// Nodes that the searches had looked at by then; 0 where nobody counts.
+    visits: Vec<u64>,
     /// Cost of the best tree handed out, by the f64 evaluator.
     pub(crate) final_cost: f64,
     /// Device's cost of that tree ÷ its cost in f64 - 1, the largest of all runs.
@@ -168,6 +165,7 @@ impl<'a> OurRuns<'a> {
             device_costs: Vec::new(),
             times: Vec::new(),
             ends: Vec::new(),
+            visits: Vec::new(),
             final_cost: f64::INFINITY,
             device_error: 0.0,
             stop: None,
@@ -187,6 +185,9 @@ impl<'a> OurRuns<'a> {
         self.note(&sample, scene);
         if self.configuration.is_slow() && sample.costs.len() > self.costs.len() {
             self.costs.clone_from(&sample.costs);
+        }
+        if sample.visits.len() > self.visits.len() {
+            self.visits.clone_from(&sample.visits);
         }
         self.stop = Some(sample.stop);
         self.times.push(sample.times);
@@ -222,6 +223,12 @@ impl<'a> OurRuns<'a> {
         Curve { name: self.configuration.name.clone(), points: median_of_runs(&self.times, &self.costs) }
     }
 
+    /// Nodes that the searches looked at until the first tree of at most this cost.
+    pub(crate) fn visits_to(&self, cost: f64) -> Option<u64> {
+        let reached = self.costs.iter().position(|&own| own <= cost)?;
+        self.visits.get(reached).copied()
+    }
+
     pub(crate) fn repetitions(&self) -> usize {
         self.times.len()
     }
@@ -245,6 +252,8 @@ struct Sample {
     costs: Vec<f64>,
     /// Their costs in f64, where that was asked for.
     exact: Vec<f64>,
+    /// Nodes that the searches had looked at by then.
+    visits: Vec<u64>,
     end_s: f64,
     nodes: Vec<Node>,
     stop: StopReason,
@@ -261,14 +270,17 @@ fn sample(
 ) -> Sample {
     let made = match start {
         Start::Tree(nodes) => DeviceTree::upload(device, nodes).and_then(|tree| {
+            // A tree in our form knows its areas.
+            let (areas, _) = measure(device, &tree)?;
             let clock = Instant::now();
-            optimized(configuration, device, tree, clock, 0.0, limit, is_exact)
+            optimized(configuration, device, (tree, areas), clock, 0.0, limit, is_exact)
         }),
         Start::Triangles => {
             let clock = Instant::now();
             built(&configuration.initial, device, scene).and_then(|tree| {
+                let (areas, _) = measure(device, &tree)?;
                 let start_s = clock.elapsed().as_secs_f64();
-                optimized(configuration, device, tree, clock, start_s, limit, is_exact)
+                optimized(configuration, device, (tree, areas), clock, start_s, limit, is_exact)
             })
         }
     };
@@ -294,20 +306,25 @@ fn built(initial: &Initial, device: &mut dyn Device, scene: &Scene) -> Result<De
 fn optimized(
     configuration: &Configuration,
     device: &mut dyn Device,
-    tree: DeviceTree,
+    (tree, areas): (DeviceTree, TreeAreas),
     clock: Instant,
     start_s: f64,
     limit: Option<Duration>,
     is_exact: bool,
 ) -> Result<Sample, DeviceError> {
-    let (mut times, mut costs, mut exact) = (vec![start_s], Vec::new(), Vec::new());
+    let (mut times, mut costs, mut exact, mut visits) = (vec![start_s], Vec::new(), Vec::new(), vec![0, 0]);
     let stop = match &configuration.optimizer {
         Optimizer::Prbvh => {
             let mut settings = configuration.prbvh.clone();
             settings.limits.max_time = limit;
-            let outcome = prbvh(device, &tree, &settings, &mut |row, tree, device| {
-                times.push(clock.elapsed().as_secs_f64());
+            settings.worst_first.row_by_row = is_exact;
+            // Rows of one submission are seen together, and know their times.
+            let mut set_up_s = None;
+            let outcome = prbvh_from(device, &tree, Some(areas), &settings, &mut |row, tree, device| {
+                let set_up_s = *set_up_s.get_or_insert(clock.elapsed().as_secs_f64() - row.time_s);
+                times.push(set_up_s + row.time_s);
                 costs.push(row.cost);
+                visits.push(visits.last().map_or(0, |before| before + u64::from(row.visits)));
                 if is_exact {
                     exact.push(cost_of_boxes(&tree.download(device).expect("the device works")));
                 }
@@ -346,5 +363,7 @@ fn optimized(
             exact.insert(0, exact[0]);
         }
     }
-    Ok(Sample { times, costs, exact, end_s, nodes, stop })
+    // The initial tree is there twice.
+    visits.remove(0);
+    Ok(Sample { times, costs, exact, visits, end_s, nodes, stop })
 }

@@ -57,7 +57,7 @@ fn peer_points(result: &SceneResult) -> String {
 }
 
 fn summary(outcome: &Outcome, known: Option<&ReferenceCost>) -> String {
-    let SceneResult { peer_best, prbvh, lowest, rbvh, rbvh_undo, .. } = outcome.result;
+    let SceneResult { peer_best, worst_first, lowest, rbvh, rbvh_undo, .. } = outcome.result;
     let name_of = |cost: f64| {
         outcome.ours.iter().find(|ours| ours.final_cost == cost).map_or("none", |ours| ours.curve.name.as_str())
     };
@@ -70,7 +70,7 @@ fn summary(outcome: &Outcome, known: Option<&ReferenceCost>) -> String {
         format!("most often first: {name}, at {} of {} points; ", firsts(name), points.len())
     });
     let rbvh_ratio = |what: &str, cost: Option<f64>| match cost {
-        Some(cost) => format!("{:.4} × {what} ({cost:.3})", prbvh / cost),
+        Some(cost) => format!("{:.4} × {what} ({cost:.3})", worst_first / cost),
         None => format!("{what} did not run to its end"),
     };
     let known = known.map_or_else(String::new, |known| {
@@ -82,10 +82,10 @@ fn summary(outcome: &Outcome, known: Option<&ReferenceCost>) -> String {
         )
     });
     format!(
-        "{winner}their best {peer_best:.3} ({best_setting}); PRBVH {prbvh:.3} ({}), {:.4} × theirs; our lowest {lowest:.3} ({}), {:.4} × theirs; \
-         PRBVH is {}, {}{known}",
-        name_of(prbvh),
-        prbvh / peer_best,
+        "{winner}their best {peer_best:.3} ({best_setting}); worst first {worst_first:.3} ({}), {:.4} × theirs; our lowest {lowest:.3} ({}), {:.4} × theirs; \
+         worst first is {}, {}{known}",
+        name_of(worst_first),
+        worst_first / peer_best,
         name_of(lowest),
         lowest / peer_best,
         rbvh_ratio("RBVH", rbvh),
@@ -153,12 +153,12 @@ fn scenes(results: &[SceneResult]) -> String {
         "<scene",
         "triangles",
         "their best cost",
-        "PRBVH",
+        "worst first",
         "÷ theirs",
         "our lowest",
         "÷ theirs",
-        "PRBVH ÷ RBVH",
-        "PRBVH ÷ RBVH undo",
+        "worst first ÷ RBVH",
+        "worst first ÷ RBVH undo",
         "<our time ÷ t, setting by setting",
     ]);
     for result in results {
@@ -167,12 +167,12 @@ fn scenes(results: &[SceneResult]) -> String {
             result.scene.clone(),
             result.triangles.to_string(),
             number(result.peer_best, 3),
-            number(result.prbvh, 3),
-            number(result.prbvh / result.peer_best, 4),
+            number(result.worst_first, 3),
+            number(result.worst_first / result.peer_best, 4),
             number(result.lowest, 3),
             number(result.lowest / result.peer_best, 4),
-            number(result.rbvh.map(|cost| result.prbvh / cost), 4),
-            number(result.rbvh_undo.map(|cost| result.prbvh / cost), 4),
+            number(result.rbvh.map(|cost| result.worst_first / cost), 4),
+            number(result.rbvh_undo.map(|cost| result.worst_first / cost), 4),
             ratios.join(" "),
         ]);
     }

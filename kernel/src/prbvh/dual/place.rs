@@ -110,7 +110,7 @@ pub(super) struct Search {
 /// is [`Search::most`] less the area that the insertion adds. The walk is the one of [`super::super::search`], with the boxes that ancestors
 /// have without the input. The output is the input's parent for the new parent of `other`.
 #[inline(always)]
-pub(super) fn best_place<T: WholeNodes + ?Sized>(
+pub(super) fn best_place<const HAS_OTHER: bool, T: WholeNodes + ?Sized>(
     search: &Search,
     child: &Placed,
     other: &Placed,
@@ -126,7 +126,7 @@ pub(super) fn best_place<T: WholeNodes + ?Sized>(
     // What the new parent of the other one grows by.
     let mut new_growth = 0.0f32;
     let mut new_area = 0.0f32;
-    if other.output != NO_NODE {
+    if HAS_OTHER {
         output_box = nodes.box_of(other.output);
         let new_box = output_box.union(other.aabb);
         new_area = new_box.union(child.aabb).half_area();
@@ -150,14 +150,19 @@ pub(super) fn best_place<T: WholeNodes + ?Sized>(
     while !done && rounds.next() {
         rounds.visits += 1;
         let node = nodes.whole(v);
+        // One of the two is next.
+        nodes.ask_for(node.up);
+        if v < internal {
+            nodes.ask_for(node.down);
+        }
         let mut here = d;
-        if v == other.output {
+        if HAS_OTHER && v == other.output {
             best.offer(d - new_area, parent, pivot);
             here = d - new_growth;
             best.offer(here - other.aabb.union(child.aabb).half_area(), other.child, pivot);
         }
         let mut aabb = node.aabb();
-        if other.is_below(v, aabb, pivot, output_box, nodes, rounds) {
+        if HAS_OTHER && other.is_below(v, aabb, pivot, output_box, nodes, rounds) {
             aabb = aabb.union(other.aabb);
         }
         let area = aabb.union(child.aabb).half_area();
@@ -176,11 +181,11 @@ pub(super) fn best_place<T: WholeNodes + ?Sized>(
             v = up & !RIGHT;
             let above = nodes.whole(v);
             let mut aabb = above.aabb();
-            if other.is_below(v, aabb, pivot, output_box, nodes, rounds) {
+            if HAS_OTHER && other.is_below(v, aabb, pivot, output_box, nodes, rounds) {
                 aabb = aabb.union(other.aabb);
             }
             d -= aabb.half_area() - aabb.union(child.aabb).half_area();
-            if v == other.output {
+            if HAS_OTHER && v == other.output {
                 d += new_growth;
             }
             up = above.up;
@@ -194,7 +199,7 @@ pub(super) fn best_place<T: WholeNodes + ?Sized>(
             done = true;
         } else {
             pivots += 1;
-            if pivot == other.pivot {
+            if HAS_OTHER && pivot == other.pivot {
                 has_other = true;
             }
             if pivot != parent {

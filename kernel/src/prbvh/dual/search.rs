@@ -149,13 +149,13 @@ fn best_places<T: WholeNodes + ?Sized>(
         ends: 1.0 + params.slack,
         row: params.row,
     };
-    let (first, first_value) = best_place(&search, &first, &second, nodes, rounds, report);
+    let (first, first_value) = best_place::<false, T>(&search, &first, &second, nodes, rounds, report);
     if first.output == NO_NODE {
         return (first, second);
     }
     let after = above(input, &first, &second, nodes, rounds);
     let floor = (before.first - first_value) - before.decrease + after.second + least;
     let (second, _) =
-        best_place(&Search { most: after.second, floor, ..search }, &second, &first, nodes, rounds, report);
+        best_place::<true, T>(&Search { most: after.second, floor, ..search }, &second, &first, nodes, rounds, report);
     (first, second)
 }
