@@ -18,3 +18,4 @@ pub mod other_searches;
 pub mod planted;
 pub mod rays;
 pub mod scenes;
+pub mod worst;

@@ -1,233 +1,266 @@
-//! Largest reinsertions first: candidates and floors against plain searches, refits of paths, and the whole descent on every device.
+//! Worst first: the whole run on every device, round by round.
 
 use prbvh::build::DeviceTree;
-use prbvh::bvh::{Bvh, tree_hash, validate};
+use prbvh::bvh::{tree_hash, validate};
 use prbvh::device::Device;
-use prbvh::optimize::{Limits, Order, PrbvhSettings, StopReason, Strategy, prbvh};
-use prbvh::pipeline::{Optimized, Optimizer, Settings, optimize};
+use prbvh::device::cpu::CpuDevice;
+use prbvh::optimize::{Limits, PrbvhSettings, StopReason, WorstFirst, prbvh};
+use prbvh::pipeline::{Settings, optimize};
 use prbvh::scene::Scene;
 use prbvh_kernel::Kernel;
 use prbvh_kernel::node::{NO_NODE, Node, RIGHT, ROOT};
-use prbvh_kernel::prbvh::candidates::largest_decrease;
-use prbvh_kernel::prbvh::{PrbvhParams, Reinsertion};
+use prbvh_kernel::prbvh::worst::RoundParams;
+use prbvh_kernel::prbvh::worst::books::{BOOKS_WORDS, CLOSE, FRINGE_LENGTH, FRINGE_SIDE, POOL_LENGTH, POOL_SIDE};
+use prbvh_kernel::prbvh::worst::keys::{COLD, IN_POOL};
+use prbvh_kernel::prbvh::{DUAL, Move, PrbvhParams, WON};
 use prbvh_kernel::setup::Triangle;
-use prbvh_kernel::status::{CANDIDATES, FOUND, REPORT_WORDS};
+use prbvh_kernel::status::{FAULT_BROKEN_TREE, FAULTS, REPORT_WORDS, SHRUNK};
 use prbvh_tests::compare::Case;
-use prbvh_tests::devices::with_devices;
-use prbvh_tests::fixtures::{grid, soup};
-use prbvh_tests::oracle::{half_area, tree_of};
+use prbvh_tests::devices::{cpu_devices, devices, with_devices};
+use prbvh_tests::fixtures::{flat, grid, inputs, nested, on_a_lattice, soup, stiff};
+use prbvh_tests::omissions::Narrow;
+use prbvh_tests::oracle::{NaiveTree, tree_of};
+use prbvh_tests::worst::{Round, watched};
+use proptest::prelude::*;
+use std::cell::RefCell;
 use std::ops::ControlFlow;
+use std::rc::Rc;
 
-const REPORT: usize = REPORT_WORDS as usize;
-
-fn params(nodes: usize, floor: f32) -> PrbvhParams {
-    PrbvhParams { count: nodes as u32, mu: 1, first: 0, nodes: nodes as u32, floor }
+fn settings(worst_first: WorstFirst) -> PrbvhSettings {
+    PrbvhSettings { worst_first: WorstFirst { row_by_row: true, ..worst_first }, ..PrbvhSettings::default() }
 }
 
-fn search(nodes: &[Node], floor: f32) -> Vec<Reinsertion> {
-    let case = Case::new(Kernel::PrbvhSearch, nodes.len() as u32, &params(nodes.len(), floor)).with(nodes);
-    case.zeros(nodes.len()).zeros(REPORT).run_everywhere().get("found")
-}
-
-/// The list that the kernels make.
-fn candidates(nodes: &[Node], floor: f32) -> Vec<u32> {
-    let internal = nodes.len() / 2;
-    let flagged = PrbvhParams { count: internal as u32 + 1, ..params(nodes.len(), floor) };
-    let case = Case::new(Kernel::PrbvhFlag, flagged.count, &flagged).with(nodes);
-    let flags: Vec<u32> = case.zeros(internal + 1).run_everywhere().get("flags");
-    assert_eq!(flags.last(), Some(&0));
-    let mut sum = 0;
-    let mut places = Vec::new();
-    for flag in &flags {
-        places.push(sum);
-        sum += flag;
+/// Few nodes at first, and soon all of them.
+fn broad(lock_rounds: u32, most_part: f64) -> PrbvhSettings {
+    let growth = 4.0;
+    PrbvhSettings {
+        limits: Limits::iterations(25),
+        ..settings(WorstFirst { first: 2, growth, lock_rounds, most_part, tail_part: most_part, ..WorstFirst::default() })
     }
-    let packed = PrbvhParams { count: internal as u32, ..flagged };
-    let case = Case::new(Kernel::PrbvhPack, packed.count, &packed).with(&places).with(nodes);
-    let packed = case.zeros((2 * internal).max(1)).zeros(REPORT).run_everywhere();
-    let count = packed.get::<u32>("report")[CANDIDATES];
-    assert_eq!(count, 2 * sum);
-    packed.get::<u32>("candidates")[..count as usize].to_vec()
+}
+
+/// Tree, cost and counts of every row.
+type Rows = Vec<(u64, [u32; 4], Vec<(u32, u32)>)>;
+
+/// A run. An observer finds at every row a tree with the boxes that a refit of all would give it.
+fn run(tree: &NaiveTree, settings: &PrbvhSettings, device: &mut dyn Device) -> Rows {
+    let uploaded = DeviceTree::upload(device, &tree.encode()).unwrap();
+    let mut rows = Vec::new();
+    let outcome = prbvh(device, &uploaded, settings, &mut |row, tree, device| {
+        let nodes = tree.download(device).unwrap();
+        let mut fresh = NaiveTree::decode(&nodes);
+        fresh.refit(0);
+        assert!(fresh.boxes.iter().zip(&nodes).all(|(fresh, node)| *fresh == node.aabb()), "row {}", row.iteration);
+        let links = nodes.iter().map(|node| (node.up, node.down)).collect();
+        rows.push((row.cost.to_bits(), [row.searched, row.found, row.owned, row.applied], links));
+        ControlFlow::Continue(())
+    })
+    .unwrap();
+    assert!(matches!(outcome.stop, StopReason::Converged | StopReason::MaxIterations), "{:?}", outcome.stop);
+    let best = NaiveTree::decode(&uploaded.download(device).unwrap());
+    assert!(best.internal_area() <= tree.internal_area() * (1.0 + 1e-6));
+    uploaded.free(device);
+    rows
+}
+
+/// The same rows on every device, with locks of one word and of two. Returns them.
+fn same_everywhere(tree: &NaiveTree, settings: &PrbvhSettings) -> Rows {
+    with_devices(|devices| {
+        let mut first: Option<Rows> = None;
+        for (name, device) in devices {
+            let rows = run(tree, settings, &mut **device);
+            let narrow = run(tree, settings, &mut Narrow::new(&mut **device));
+            assert!(rows == narrow, "{name}: locks of two words");
+            assert!(first.as_ref().is_none_or(|first| *first == rows), "{name}");
+            first = Some(rows);
+        }
+        first.unwrap()
+    })
 }
 
 #[test]
-fn the_list_has_the_children_of_large_nodes_in_order() {
-    for n in [1, 2, 3, 40, 700] {
-        let tree = tree_of(&soup(n, 0.2, n as u64), 7);
-        let nodes = tree.encode();
-        for floor in [0.0, 1e-3, 1e-1, 1e9] {
-            let is_large = |p: &usize| 4.0 * nodes[*p].aabb().half_area() > floor;
-            let expected: Vec<u32> =
-                (0..nodes.len() / 2).filter(is_large).flat_map(|p| tree.children[p].iter().copied()).collect();
-            assert_eq!(candidates(&nodes, floor), expected, "{n} triangles, floor {floor}");
+fn every_round_is_the_same_tree_on_every_device() {
+    for lock_rounds in 1..=4 {
+        let rows = same_everywhere(&tree_of(&soup(300, 0.1, 1), 1), &broad(lock_rounds, 1.0));
+        assert!(rows.len() > 5, "{} rows", rows.len());
+        assert!(rows.iter().any(|(_, [searched, ..], _)| *searched > 250), "{lock_rounds}: a round over most nodes");
+    }
+}
+
+#[test]
+fn unkind_boxes_make_trees_too() {
+    let pick = ["one", "two", "three", "equal", "points", "eight decades", "pairs"];
+    for (name, triangles) in inputs().into_iter().filter(|(name, _)| pick.contains(name)) {
+        println!("{name}");
+        same_everywhere(&tree_of(&triangles[..triangles.len().min(200)], 3), &broad(2, 1.0));
+    }
+    for triangles in [flat(150), nested(150), grid(12)] {
+        same_everywhere(&tree_of(&triangles, 4), &broad(3, 0.3));
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+
+    #[test]
+    fn degenerate_trees_stay_trees(triangles in on_a_lattice(60), seed in any::<u64>(), lock_rounds in 1u32..5) {
+        same_everywhere(&tree_of(&triangles, seed), &broad(lock_rounds, 1.0));
+    }
+
+    #[test]
+    fn stiff_trees_stay_trees((triangles, seed) in stiff(60), lock_rounds in 1u32..5) {
+        same_everywhere(&tree_of(&triangles, seed), &broad(lock_rounds, 1.0));
+    }
+}
+
+/// A run of which each round is checked: tree, boxes, locks, keys, lists, and the sum of the areas. Returns the rounds.
+fn checked(tree: &NaiveTree, settings: &PrbvhSettings, name: &str, device: Box<dyn Device>) -> Vec<Round> {
+    let rounds = Rc::new(RefCell::new(Vec::new()));
+    let mut before = tree.clone();
+    let seen = Rc::clone(&rounds);
+    let name = name.to_owned();
+    let mut device = watched(device, move |round| {
+        let number = seen.borrow().len();
+        before = round.check(&before).unwrap_or_else(|fault| panic!("{name}, round {number}: {fault}"));
+        seen.borrow_mut().push(round.clone());
+    });
+    let uploaded = DeviceTree::upload(&mut device, &tree.encode()).unwrap();
+    prbvh(&mut device, &uploaded, settings, &mut |_, _, _| ControlFlow::Continue(())).unwrap();
+    uploaded.free(&mut device);
+    drop(device);
+    Rc::try_unwrap(rounds).unwrap().into_inner()
+}
+
+#[test]
+fn keys_lists_locks_and_sums_are_right_after_every_round() {
+    for (triangles, most_part) in [(soup(500, 0.1, 2), 0.05), (soup(200, 0.3, 3), 1.0), (grid(12), 0.5)] {
+        let tree = tree_of(&triangles, 5);
+        for (name, device) in devices() {
+            let rounds = checked(&tree, &broad(2, most_part), &name, device);
+            assert!(rounds.len() > 4, "{name}: {} rounds", rounds.len());
+            assert!(rounds.iter().any(|round| round.report[SHRUNK] | round.report[SHRUNK + 1] > 0), "{name}");
         }
     }
 }
 
-/// What a second try starts from.
+/// The comparer itself.
 #[test]
-fn who_finds_nothing_is_struck_off_the_list() {
-    let nodes = tree_of(&soup(300, 0.2, 3), 5).encode();
-    let found = search(&nodes, 0.0);
-    let list: Vec<u32> = (1..nodes.len() as u32).rev().collect();
-    for (mu, first) in [(1, 0), (3, 2)] {
-        let count = (list.len() as u32 - first).div_ceil(mu);
-        let params = PrbvhParams { count, mu, first, ..params(nodes.len(), 0.0) };
-        let found: Vec<Reinsertion> = (0..count).map(|i| found[list[params.input(i) as usize] as usize]).collect();
-        let case = Case::new(Kernel::PrbvhStrike, count, &params).with(&found).with(&list);
-        let left: Vec<u32> = case.run_everywhere().get("candidates");
-        let mut expected = list.clone();
-        for (i, found) in found.iter().enumerate() {
-            if found.output == NO_NODE {
-                expected[params.input(i as u32) as usize] = NO_NODE;
-            }
-        }
-        assert!(expected != list && expected.iter().any(|&input| input != NO_NODE));
-        assert_eq!(left, expected);
-    }
-    // A struck one is searched no more.
-    let none = [NO_NODE; 3];
-    let params = PrbvhParams { count: 3, ..params(nodes.len(), 0.0) };
-    let case = Case::new(Kernel::PrbvhSearchCandidates, 3, &params).with(&nodes).with(&none);
-    let result = case.zeros(3).zeros(REPORT).run_everywhere();
-    assert_eq!(result.get::<Reinsertion>("found"), [Reinsertion::NONE; 3]);
+fn a_planted_fault_of_a_round_is_noticed() {
+    let tree = tree_of(&soup(300, 0.1, 2), 5);
+    let (name, device) = cpu_devices().swap_remove(0);
+    let rounds = checked(&tree, &broad(2, 0.05), &name, device);
+    let k = rounds.iter().position(|round| round.in_pool().unwrap().len() > 2).unwrap();
+    let before = if k == 0 { tree } else { NaiveTree::decode(&rounds[k - 1].nodes) };
+    let round = &rounds[k];
+    let fault = |change: &dyn Fn(&mut Round)| {
+        let mut round = round.clone();
+        change(&mut round);
+        round.check(&before).expect_err("a planted fault")
+    };
+    assert!(round.check(&before).is_ok());
+    let places = round.nodes.len() / 2;
+    let pool_at = round.books[POOL_SIDE] as usize * places;
+    let pooled = round.in_pool().unwrap()[0] as usize;
+    let length = POOL_LENGTH + round.books[POOL_SIDE] as usize;
+    assert!(fault(&|round| round.pool[pool_at] = round.pool[pool_at + 1]).contains("twice"));
+    assert!(fault(&|round| round.books[length] -= 1).contains("in the pool"));
+    assert!(fault(&|round| round.books[length] = places as u32 + 1).contains("places"));
+    assert!(fault(&|round| round.keys[pooled] ^= 1 << 10).contains("measure"));
+    assert!(fault(&|round| round.keys[pooled] ^= IN_POOL).contains("in the pool"));
+    assert!(fault(&|round| {
+        round.keys[pooled] = COLD;
+        let side = round.books[FRINGE_SIDE] as usize;
+        round.books[FRINGE_LENGTH + side] = 0;
+    })
+    .contains("forgotten"));
+    assert!(fault(&|round| round.nodes[0].max[0] += 1.0).contains("stale"));
+    assert!(fault(&|round| round.is_free = false).contains("locked"));
+    assert!(fault(&|round| round.report[SHRUNK + 1] += 1 << 11).contains("lose"));
+    assert!(fault(&|round| round.report[FAULTS] = FAULT_BROKEN_TREE).contains("faults"));
 }
 
-/// No reinsertion gains more than the bound, but for roundings of the areas that it was computed from.
-#[test]
-fn no_reinsertion_gains_more_than_the_bound() {
-    for (n, seed) in [(4, 1), (30, 2), (500, 3)] {
-        let tree = tree_of(&soup(n, 0.3, seed), seed);
-        let nodes = tree.encode();
-        let rounding = 1e-5 * half_area(&tree.boxes[0]) as f32;
-        let bounded = |found: &[Reinsertion]| {
-            (1u32..).zip(&found[1..]).all(|(input, found)| {
-                found.output == NO_NODE || found.area_decrease <= largest_decrease(input, &nodes) + rounding
-            })
-        };
-        let mut found = search(&nodes, 0.0);
-        assert!(bounded(&found));
-        let moved = found.iter_mut().find(|found| found.output != NO_NODE).unwrap();
-        moved.area_decrease = 2.0 * half_area(&tree.boxes[0]) as f32 * n as f32;
-        assert!(!bounded(&found), "a planted decrease");
-    }
-}
-
-/// A floor changes nothing about what exceeds it: outputs, decreases, and the order of equal ones.
-#[test]
-fn a_floor_hides_the_smaller_reinsertions_and_no_others() {
-    for seed in 0..4 {
-        let nodes = tree_of(&soup(400, 0.2, seed), seed).encode();
-        let all = search(&nodes, 0.0);
-        let mut decreases: Vec<f32> = all.iter().map(|found| found.area_decrease).filter(|&d| d > 0.0).collect();
-        decreases.sort_by(f32::total_cmp);
-        let middle = decreases.len() / 2;
-        // Between two decreases that no rounding confuses.
-        let gap = (middle..decreases.len() - 1).find(|&k| decreases[k] * 1.001 < decreases[k + 1]).unwrap();
-        let floor = 0.5 * (decreases[gap] + decreases[gap + 1]);
-        let expected: Vec<Reinsertion> =
-            all.iter().map(|&found| if found.area_decrease > floor { found } else { Reinsertion::NONE }).collect();
-        assert_eq!(search(&nodes, floor), expected);
-
-        let list = candidates(&nodes, floor);
-        assert!(list.len() < nodes.len() - 1);
-        let listed = PrbvhParams { count: list.len() as u32, ..params(nodes.len(), floor) };
-        let case = Case::new(Kernel::PrbvhSearchCandidates, listed.count, &listed).with(&nodes).with(&list);
-        let result = case.zeros(list.len()).zeros(REPORT).run_everywhere();
-        let of_list: Vec<Reinsertion> = list.iter().map(|&input| expected[input as usize]).collect();
-        assert_eq!(result.get::<Reinsertion>("found"), of_list);
-        let above = of_list.iter().filter(|found| found.output != NO_NODE).count();
-        assert_eq!(result.get::<u32>("report")[FOUND] as usize, above);
-        let all = expected.iter().filter(|found| found.output != NO_NODE).count();
-        assert!(above > all * 9 / 10, "{above} of {all}: a list leaves out few");
-    }
-}
-
-/// A loop that hangs in the air leaves counts behind, by which the cost kernel knows it.
+/// A loop that hangs in the air leaves nodes that are marked and never refitted, by which the books know it.
 #[test]
 fn a_loop_is_never_refitted() {
     let tree = tree_of(&soup(20, 0.2, 1), 1);
     let mut nodes = tree.encode();
+    let internal = nodes.len() / 2;
     // The parent of a node becomes its child.
-    let (v, parent) = (1..19u32)
-        .find_map(|v| {
-            let parent = tree.children.iter().position(|children| children.contains(&v))? as u32;
-            (parent != ROOT && !tree.children[v as usize].is_empty()).then_some((v, parent))
-        })
-        .unwrap();
-    let left = tree.children[v as usize][0];
-    let right = tree.children[v as usize][1];
+    let has_parent = |&v: &u32| tree.parent(v).is_some_and(|parent| parent != ROOT);
+    let v = (1..internal as u32).find(has_parent).unwrap();
+    let (parent, right) = (tree.parent(v).unwrap(), tree.children[v as usize][1]);
     nodes[v as usize].down = parent;
     nodes[parent as usize].up = right;
     nodes[right as usize].up = v | RIGHT;
-    let found = [Reinsertion { area_decrease: 1.0, input: right, output: parent }];
-    let params = PrbvhParams { count: 1, ..params(nodes.len(), 0.0) };
-    let case = Case::new(Kernel::PrbvhMarkPaths, 1, &params).with(&found).with(&nodes).zeros(19);
-    let ways: Vec<u32> = case.run_everywhere().get("ways");
-    let case = Case::new(Kernel::PrbvhRefitPaths, 1, &params).with(&found).with(&nodes).with(&ways);
-    let after: Vec<u32> = case.run_everywhere().get("ways");
-    assert!(after.iter().any(|&ways| ways != 0), "{left} left the tree unseen");
-}
-
-fn run(scene: &Scene, strategy: Strategy, device: &mut dyn Device) -> Optimized {
-    let prbvh = PrbvhSettings { order: Order::LargestFirst, strategy, ..PrbvhSettings::default() };
-    let settings = Settings { optimizer: Optimizer::Prbvh, prbvh, ..Settings::default() };
-    optimize(scene, device, &settings, &mut |_| ControlFlow::Continue(())).unwrap()
-}
-
-#[test]
-fn the_descent_makes_the_same_tree_on_every_device() {
-    for triangles in [soup(3000, 0.05, 1), grid(12), soup(2, 0.1, 1), soup(3, 0.1, 1), soup(1, 0.1, 1).repeat(50)] {
-        let scene = Scene::from_triangles("scene", triangles).unwrap();
-        for strategy in [Strategy::Aggressive, Strategy::Conservative] {
-            with_devices(|devices| {
-                let mut hashes = devices.iter_mut().map(|(name, device)| {
-                    let result = run(&scene, strategy, &mut **device);
-                    let tree: &Bvh = &result.tree;
-                    validate(tree, Some(&scene.triangles)).unwrap();
-                    let rows = &result.outcome.rows;
-                    assert!(rows.iter().all(|row| row.cost.is_finite()));
-                    assert!(result.outcome.best().cost <= rows[0].cost);
-                    assert_eq!(result.outcome.stop, StopReason::Converged, "{name}");
-                    (tree_hash(tree), rows.iter().map(|row| row.cost.to_bits()).collect::<Vec<_>>())
-                });
-                let first = hashes.next().unwrap();
-                assert!(hashes.all(|other| other == first));
-            });
-        }
+    let sound = tree.encode();
+    for (nodes, expected) in [(&nodes, FAULT_BROKEN_TREE), (&sound, 0)] {
+        let found = [Move { area_decrease: 1.0, input: v | WON, output: parent, other: parent }];
+        let params = PrbvhParams { count: 1, flags: DUAL, scale: 1.0, ..PrbvhParams::every(1, 0, nodes.len() as u32) };
+        let books = vec![0; BOOKS_WORDS as usize];
+        let case = Case::new(Kernel::WorstMark, 1, &params).with(&found).with(nodes).zeros(internal).zeros(internal);
+        let marked = case.zeros(2 * internal).with(&books).zeros(REPORT_WORDS as usize).run_everywhere();
+        let (ways, keys): (Vec<u32>, Vec<u32>) = (marked.get("ways"), marked.get("keys"));
+        let case = Case::new(Kernel::WorstRefit, 1, &params).with(&found).with(nodes).with(&ways).with(&keys);
+        let case = case.zeros(2 * internal).with(&marked.get::<u32>("books")).with(&marked.get::<u32>("report"));
+        let refitted = case.run_everywhere();
+        let params = RoundParams {
+            count: 1,
+            nodes: nodes.len() as u32,
+            root_area: 1.0,
+            scale: 1.0,
+            row: 0,
+            page: CLOSE,
+            wanted: 1,
+            pool: 1,
+        };
+        let case = Case::new(Kernel::WorstBooks, 1, &params).with(&refitted.get::<u32>("books")).zeros(2 * internal);
+        let closed = case.with(&refitted.get::<u32>("report")).run_everywhere();
+        assert_eq!(closed.get::<u32>("report")[FAULTS], expected);
     }
 }
 
-/// What the descent is for: a large part of the gain in its first iterations.
+/// What the order is for: most of the gain in its first rounds, which search few nodes.
 #[test]
 fn most_of_the_gain_comes_first() {
     let scene = prbvh::scene::built_in(20_000);
-    let mut device = prbvh::device::cpu::CpuDevice::new(0).unwrap();
-    let gains = [Order::LargestFirst, Order::Interleaved].map(|order| {
-        let prbvh = PrbvhSettings { order, limits: Limits::iterations(4), ..PrbvhSettings::default() };
-        let settings = Settings { prbvh, ..Settings::default() };
-        let result = optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
-        result.outcome.rows[0].cost - result.outcome.best().cost
-    });
-    assert!(gains[0] > 1.2 * gains[1], "{gains:?}");
+    let mut device = CpuDevice::new(0).unwrap();
+    let result = optimize(&scene, &mut device, &Settings::default(), &mut |_| ControlFlow::Continue(())).unwrap();
+    let rows = &result.outcome.rows;
+    let searched = |rows: &[prbvh::optimize::IterationRow]| rows.iter().map(|row| u64::from(row.searched)).sum::<u64>();
+    let half = rows.iter().position(|row| rows[0].cost - row.cost > 0.5 * (rows[0].cost - result.outcome.best().cost));
+    let half = half.unwrap();
+    assert!(8 * searched(&rows[..=half]) < searched(rows), "half of the gain after {half} of {} rounds", rows.len());
 }
 
-/// The last levels may have no candidates: then the cost after those before them is what counts.
+fn pipeline_run(scene: &Scene, device: &mut dyn Device) -> (String, Vec<u64>, f64) {
+    let result = optimize(scene, device, &Settings::default(), &mut |_| ControlFlow::Continue(())).unwrap();
+    validate(&result.tree, Some(&scene.triangles)).unwrap();
+    assert_eq!(result.outcome.stop, StopReason::Converged);
+    let rows = &result.outcome.rows;
+    assert!(result.outcome.best().cost <= rows[0].cost);
+    let parted = result.outcome.best().cost / result.quality.sah_cost - 1.0;
+    (tree_hash(&result.tree), rows.iter().map(|row| row.cost.to_bits()).collect(), parted.abs())
+}
+
+/// As the pipeline runs it: rounds of a submission together.
 #[test]
-fn a_descent_that_runs_out_of_candidates_knows_its_cost() {
-    let mut triangles = soup(60, 0.2, 4);
-    triangles.push(Triangle { a: [-1e6, -1e6, 0.0], b: [1e6, -1e6, 0.0], c: [0.0, 1e6, 1e6] });
-    let scene = Scene::from_triangles("huge and tiny", triangles).unwrap();
-    with_devices(|devices| {
-        for (name, device) in devices {
-            let result = run(&scene, Strategy::Aggressive, &mut **device);
-            let cost = result.quality.sah_cost;
-            assert!((result.outcome.best().cost / cost - 1.0).abs() < 1e-5, "{name}: {cost}");
-        }
-    });
+fn the_default_makes_the_same_tree_on_every_device() {
+    // Tiny beside huge: most areas are below what a sum sees.
+    let mut huge = soup(60, 0.2, 4);
+    huge.push(Triangle { a: [-1e6, -1e6, 0.0], b: [1e6, -1e6, 0.0], c: [0.0, 1e6, 1e6] });
+    let few = soup(1, 0.1, 1).repeat(50);
+    for triangles in [soup(3000, 0.05, 1), grid(12), soup(2, 0.1, 1), soup(3, 0.1, 1), few, huge] {
+        let scene = Scene::from_triangles("scene", triangles).unwrap();
+        with_devices(|devices| {
+            let mut runs = devices.iter_mut().map(|(_, device)| pipeline_run(&scene, &mut **device));
+            let first = runs.next().unwrap();
+            assert!(first.2 < 1e-5, "{}: the cost of the best row is that of the tree", first.2);
+            assert!(runs.all(|other| other == first));
+        });
+    }
 }
 
-/// No iteration ran, so there is no best tree to go back to: what came in stays.
+/// No round ran, so there is no best tree to go back to: what came in stays.
 #[test]
 fn a_broken_initial_tree_is_a_fault_and_stays_as_it_is() {
     let mut nodes = tree_of(&soup(20, 0.2, 1), 1).encode();
@@ -238,13 +271,15 @@ fn a_broken_initial_tree_is_a_fault_and_stays_as_it_is() {
     with_devices(|devices| {
         for (name, device) in devices {
             let device = &mut **device;
-            let tree = DeviceTree::upload(device, &nodes).unwrap();
-            let outcome = prbvh(device, &tree, &PrbvhSettings::default(), &mut |_, _, _| ControlFlow::Continue(()));
-            assert!(matches!(outcome.unwrap().stop, StopReason::Fault(_)), "{name}");
-            let after = tree.download(device).unwrap();
-            let links = |nodes: &[Node]| nodes.iter().map(|node| (node.up, node.down)).collect::<Vec<_>>();
-            assert_eq!(links(&after), links(&nodes), "{name}");
-            tree.free(device);
+            for settings in [PrbvhSettings::default(), PrbvhSettings::published()] {
+                let tree = DeviceTree::upload(device, &nodes).unwrap();
+                let outcome = prbvh(device, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(()));
+                assert!(matches!(outcome.unwrap().stop, StopReason::Fault(_)), "{name}");
+                let after = tree.download(device).unwrap();
+                let links = |nodes: &[Node]| nodes.iter().map(|node| (node.up, node.down)).collect::<Vec<_>>();
+                assert_eq!(links(&after), links(&nodes), "{name}");
+                tree.free(device);
+            }
         }
     });
 }
