@@ -3,7 +3,7 @@
 use crate::mem::AtomicU32;
 
 /// Words of a row.
-pub const REPORT_WORDS: u32 = 16;
+pub const REPORT_WORDS: u32 = 20;
 
 /// Reinsertions that the search found.
 pub const FOUND: usize = 0;
@@ -31,6 +31,8 @@ pub const REFITTED: usize = 13;
 pub const FRINGE: usize = 14;
 /// Nodes that were searched.
 pub const SEARCHED: usize = 15;
+/// Nodes in the pool that were counted as waiting for their search.
+pub const WAITING: usize = 16;
 
 /// A device ended a search before it was done or at its bound.
 pub const FAULT_SEARCH_STEPS: u32 = 1;

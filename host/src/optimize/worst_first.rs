@@ -12,7 +12,7 @@ use prbvh_kernel::prbvh::worst::books::{
     BEGIN, CLOSE, EPOCH, LIST, OVER_FRINGE, OVER_LIST, OVER_POOL, WORST,
 };
 use prbvh_kernel::prbvh::{DUAL, PrbvhParams, ROUNDS};
-use prbvh_kernel::status::{FAULTS, FRINGE, GREW, REPORT_WORDS, SEARCHED, SHRUNK};
+use prbvh_kernel::status::{FAULTS, FRINGE, GREW, REPORT_WORDS, SEARCHED, SHRUNK, WAITING};
 use prbvh_kernel::sum::{scale_of, to_f64};
 
 /// Stages that unfold before the first round: nodes of a sixty-fourth of the root's area.
@@ -174,10 +174,10 @@ impl Rounds {
                 if cost < settled_at * (1.0 - settles) {
                     settled_at = cost;
                     idle = 0;
-                } else if is_broad {
+                } else if is_broad && report[SEARCHED] > 0 {
                     idle += 1;
                 }
-                if report[SEARCHED] == 0 && report[FRINGE] == 0 {
+                if report[SEARCHED] + report[WAITING] + report[FRINGE] == 0 {
                     idle = patience;
                 }
                 if observe(session.row(), session.tree, device).is_break() {

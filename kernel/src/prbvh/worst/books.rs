@@ -5,10 +5,11 @@
 use super::RoundParams;
 use super::select::{CHUNK, thinning};
 use crate::grid;
+use crate::math::{umax, umin};
 use crate::mem::{AtomicU32, Slot};
 use crate::node::ROOT;
 use crate::status::{
-    self, FAULT_BROKEN_TREE, FAULTS, FRINGE, GREW, MARKED, REFITTED, SEARCHED, SHRUNK,
+    self, FAULT_BROKEN_TREE, FAULTS, FRINGE, GREW, MARKED, REFITTED, SEARCHED, SHRUNK, WAITING,
 };
 use crate::sum::Sum;
 
@@ -45,6 +46,8 @@ pub const EPOCH: usize = 23;
 pub const LOST: usize = 24;
 /// The same of the best tree.
 pub const MOST_LOST: usize = 26;
+/// The first of these parts.
+pub const TURN: usize = 28;
 /// Keys in each bucket.
 pub const HISTOGRAM: usize = 32;
 /// Buckets.
@@ -72,7 +75,7 @@ pub fn books(params: &RoundParams, books: &[AtomicU32], fringe: &[Slot<u32>], re
     if params.page == BEGIN {
         begin(params, books, fringe);
     } else if params.page == WORST {
-        worst(params, books);
+        worst(params, books, report);
     } else if params.page == LIST {
         let length = books[LIST_LENGTH].load();
         run_over(books, OVER_LIST, length);
@@ -113,7 +116,7 @@ fn begin(params: &RoundParams, books: &[AtomicU32], fringe: &[Slot<u32>]) {
 
 /// Finds the bucket down to which keys are among the worst; empties the histogram.
 #[inline(always)]
-fn worst(params: &RoundParams, books: &[AtomicU32]) {
+fn worst(params: &RoundParams, books: &[AtomicU32], report: &[AtomicU32]) {
     let thinning = thinning(books[POOL_LENGTH + books[POOL_SIDE].load() as usize].load());
     let mut above = 0u32;
     let mut bucket = 0u32;
@@ -134,16 +137,21 @@ fn worst(params: &RoundParams, books: &[AtomicU32]) {
         }
     }
     let mut part = CELLS;
-    if is_found {
+    if is_found && inside > params.wanted {
+        // A part of a crowd, and not so small a one that there might be nobody in it.
+        let mut room = umax(params.wanted - above, params.wanted / 2);
+        let mut keys = inside;
         // Both without their last digits if the product would not fit.
-        let (mut room, mut keys) = (params.wanted - above, inside);
         while keys >= 1 << 22 {
             room >>= 1;
             keys >>= 1;
         }
-        part = (room * CELLS).div_ceil(keys);
+        part = umin((room * CELLS).div_ceil(keys), CELLS);
     }
+    report[params.row as usize + WAITING].store(above + inside);
     books[BUCKET].store(bucket);
+    // The next part of the circle, so that everybody's turn comes.
+    books[TURN].store((books[TURN].load() + books[PART].load()) % CELLS);
     books[PART].store(part);
     books[LIST_LENGTH].store(0);
     let side = books[POOL_SIDE].load() ^ 1;

@@ -3,7 +3,7 @@
 //! Kind: maps over chunks of the pool, and scatters to places that a common counter gives.
 
 use super::RoundParams;
-use super::books::{BUCKET, BUCKETS, CELLS, HISTOGRAM, LIST_LENGTH, PART, POOL_LENGTH, POOL_SIDE};
+use super::books::{BUCKET, BUCKETS, CELLS, HISTOGRAM, LIST_LENGTH, PART, POOL_LENGTH, POOL_SIDE, TURN};
 use super::keys::{IN_POOL, measure_of, waits};
 use crate::math::umin;
 use crate::mem::{AtomicU32, Slot};
@@ -77,6 +77,7 @@ pub fn select(
     let end = umin((i + 1) * CHUNK, books[POOL_LENGTH + from as usize].load());
     let least = books[BUCKET].load();
     let part = books[PART].load();
+    let turn = CELLS - books[TURN].load();
     // Two bits for each node: whether it stays in the pool, whether it goes on the list.
     let mut stays = 0u32;
     let mut goes = 0u32;
@@ -90,7 +91,7 @@ pub fn select(
             stays |= bit;
             stay += 1;
             let bucket = bucket(measure_of(key), params.root_area);
-            if bucket > least || (bucket == least && cell(v) < part) {
+            if bucket > least || (bucket == least && (cell(v) + turn) % CELLS < part) {
                 goes |= bit;
                 go += 1;
             }
