@@ -79,7 +79,7 @@ fn a_scene_too_large_for_a_device_is_refused_before_anything_is_allocated() {
     let initial = Settings { optimizer: Optimizer::None, ..Settings::default() };
     for (settings, phase) in [
         (adaptive, "collapse of 1000 triangles"),
-        (conservative, "optimise, conservative of 1000 triangles"),
+        (conservative, "optimise, published, conservative of 1000 triangles"),
         (initial, "build, lbvh of 1000 triangles"),
     ] {
         let memory = most_memory(&scene, &settings);
