@@ -323,6 +323,8 @@ fn run(
             device_s: (seconds - build_s) * 0.95 * if iterations == 0 || !on_device { 0.0 } else { t },
             cost: last + (first - last) * left + bump,
             relative_error: 0.0,
+            searched: if iteration == 0 { 0 } else { 2 * found as u32 },
+            visits: if iteration == 0 { 0 } else { 90 * found as u32 },
             found: if iteration == 0 { 0 } else { found as u32 },
             owned: if iteration == 0 { 0 } else { (0.7 * found) as u32 },
             // None in the last one.

@@ -189,6 +189,36 @@ pub fn random_tree(leaf_boxes: &[Aabb], seed: u64) -> NaiveTree {
     tree
 }
 
+/// A comb: internal node `k` holds leaf `k` and the rest, and the last two leaves end it.
+///
+/// # Panics
+/// If there are fewer than two boxes.
+#[must_use]
+pub fn comb(boxes: &[Aabb]) -> NaiveTree {
+    let n = boxes.len();
+    let mut tree = NaiveTree {
+        children: vec![Vec::new(); 2 * n - 1],
+        boxes: vec![Aabb { min: [0.0; 3], max: [0.0; 3] }; n - 1],
+        references: vec![0; n - 1],
+    };
+    tree.boxes.extend(boxes);
+    tree.references.extend(0..n as u32);
+    for v in (0..n - 1).rev() {
+        let rest = if v + 2 < n { v + 1 } else { 2 * n - 2 };
+        tree.children[v] = vec![(n - 1 + v) as u32, rest as u32];
+        // From below: the refit of [`NaiveTree`] would need a deep stack.
+        tree.boxes[v] = tree.boxes[n - 1 + v].union(tree.boxes[rest]);
+    }
+    tree
+}
+
+/// A comb over boxes in a row: as deep as a tree can be.
+#[must_use]
+pub fn row_comb(n: u32) -> NaiveTree {
+    let aabb = |k: u32| Aabb { min: [k as f32, 0.0, 0.0], max: [k as f32 + 0.5, 1.0, 1.0] };
+    comb(&(0..n).map(aabb).collect::<Vec<_>>())
+}
+
 /// The radix tree of sorted codes, by definition: split where the highest differing bit changes; equal codes are told apart by
 /// position.
 #[must_use]

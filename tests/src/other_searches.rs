@@ -8,13 +8,13 @@ use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::node::{Links, NO_NODE, Node, ROOT};
 use prbvh_kernel::prbvh::search::checked_area_decrease;
-use prbvh_kernel::prbvh::{PrbvhParams, Reinsertion};
+use prbvh_kernel::prbvh::{Move, PrbvhParams};
 use rayon::prelude::*;
 
 /// A device with another search: for every input node, a reinsertion as it is to be locked.
 pub fn with_search(
     device: Box<dyn Device>,
-    search: impl Fn(u32, &[Node]) -> Reinsertion + Sync,
+    search: impl Fn(u32, &[Node]) -> Move + Sync,
 ) -> Planted<impl FnMut(&Dispatch, &mut dyn Device) -> Result<(), DeviceError>> {
     Planted::new(device, move |dispatch, device| {
         if dispatch.kernel != Kernel::PrbvhSearch {
@@ -23,7 +23,7 @@ pub fn with_search(
         let params: PrbvhParams = bytemuck::pod_read_unaligned(&dispatch.push);
         let mut nodes: Vec<Node> = vec![bytemuck::Zeroable::zeroed(); params.nodes as usize];
         device.download(&dispatch.buffers[0], bytemuck::cast_slice_mut(&mut nodes))?;
-        change(device, &dispatch.buffers[1], |found: &mut [Reinsertion]| {
+        change(device, &dispatch.buffers[1], |found: &mut [Move]| {
             let found = &mut found[..params.count as usize];
             found.par_iter_mut().enumerate().for_each(|(i, found)| *found = search(params.input(i as u32), &nodes));
         })
@@ -32,8 +32,8 @@ pub fn with_search(
 
 /// The output with the largest area decrease that float32 calls positive, of all there are: a search without the relative threshold.
 #[must_use]
-pub fn without_threshold(input: u32, nodes: &[Node]) -> Reinsertion {
-    let mut best = Reinsertion::NONE;
+pub fn without_threshold(input: u32, nodes: &[Node]) -> Move {
+    let mut best = Move::NONE;
     if input == ROOT {
         return best;
     }
@@ -44,7 +44,7 @@ pub fn without_threshold(input: u32, nodes: &[Node]) -> Reinsertion {
         }
         let area_decrease = area_decrease(input, output, &above, nodes);
         if area_decrease > best.area_decrease {
-            best = Reinsertion { area_decrease, input, output };
+            best = Move { area_decrease, input, output, other: above.top_over(output, nodes) };
         }
     }
     best
@@ -68,6 +68,15 @@ impl Above {
 
     fn has(&self, v: u32) -> bool {
         self.is_above[v as usize]
+    }
+
+    /// The child of the pivot above an output, or the output itself.
+    fn top_over(&self, output: u32, nodes: &[Node]) -> u32 {
+        let mut top = output;
+        while !self.has(nodes.parent(top)) {
+            top = nodes.parent(top);
+        }
+        top
     }
 }
 
@@ -109,29 +118,29 @@ fn is_loop_free(input: u32, output: u32, above: &Above, nodes: &[Node]) -> bool 
 
 /// What [`published_walk`] finds, for what its sum says.
 #[must_use]
-pub fn published(input: u32, nodes: &[Node]) -> Reinsertion {
+pub fn published(input: u32, nodes: &[Node]) -> Move {
     if input == ROOT {
-        return Reinsertion::NONE;
+        return Move::NONE;
     }
     match published_walk(input, nodes) {
-        Some(Candidate { output, area_decrease, .. })
+        Some(Candidate { output, top, area_decrease })
             if is_loop_free(input, output, &Above::of(input, nodes), nodes) =>
         {
-            Reinsertion { area_decrease, input, output }
+            Move { area_decrease, input, output, other: top }
         }
-        _ => Reinsertion::NONE,
+        _ => Move::NONE,
     }
 }
 
 /// What [`published_walk`] finds, if the decrease from its definition exceeds the threshold, and for that.
 #[must_use]
-pub fn published_and_recomputed(input: u32, nodes: &[Node]) -> Reinsertion {
+pub fn published_and_recomputed(input: u32, nodes: &[Node]) -> Move {
     if input == ROOT {
-        return Reinsertion::NONE;
+        return Move::NONE;
     }
-    let Some(Candidate { output, top, .. }) = published_walk(input, nodes) else { return Reinsertion::NONE };
+    let Some(Candidate { output, top, .. }) = published_walk(input, nodes) else { return Move::NONE };
     let area_decrease = checked_area_decrease(input, output, nodes.parent(top), nodes);
-    if area_decrease > 0.0 { Reinsertion { area_decrease, input, output } } else { Reinsertion::NONE }
+    if area_decrease > 0.0 { Move { area_decrease, input, output, other: top } } else { Move::NONE }
 }
 
 /// The walk of Meister & Bittner 2018, algorithm 1, with its one running sum: what a step down adds, the step up subtracts again,

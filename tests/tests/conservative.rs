@@ -2,16 +2,17 @@
 
 use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
-use prbvh_kernel::node::{NO_NODE, Node};
-use prbvh_kernel::prbvh::conservative::claim;
-use prbvh_kernel::prbvh::decrease::{DECREASE_CHUNK, DecreaseParams};
-use prbvh_kernel::prbvh::{PrbvhParams, Reinsertion, lock_key};
+use prbvh_kernel::prbvh::lock::lock_key;
+use prbvh_kernel::prbvh::{CONSERVATIVE, Move, PrbvhParams};
 use prbvh_kernel::setup::Triangle;
-use prbvh_kernel::status::{APPLIED, FAULTS, FOUND, OWNED, REPORT_WORDS};
+use prbvh_kernel::status::{FAULTS, FOUND, REPORT_WORDS};
+use prbvh_kernel::sum::scale_of;
 use prbvh_tests::compare::Case;
 use prbvh_tests::fixtures::{grid, on_a_lattice, soup, stiff};
 use prbvh_tests::footprint::{Footprint, additivity_fault, sum_fault};
-use prbvh_tests::oracle::{NaiveTree, random_tree, tree_of};
+use prbvh_tests::locks::{Claimant, fault_of, lock_and_check, locks};
+use prbvh_tests::moved::{nothing_kept, reinsert};
+use prbvh_tests::oracle::{NaiveTree, comb, half_area, random_tree, tree_of};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 
@@ -21,129 +22,70 @@ fn params(mu: u32, first: u32, nodes: usize) -> PrbvhParams {
     PrbvhParams::every(mu, first, nodes as u32)
 }
 
-/// `found` and `tops` of the search, compared with the search of the aggressive strategy.
-fn search(tree: &NaiveTree, params: &PrbvhParams) -> (Vec<Reinsertion>, Vec<u32>) {
-    let length = params.count.max(1) as usize;
-    let case = |kernel| Case::new(kernel, params.count, params).with(&tree.encode()).zeros(length);
-    let with_tops = case(Kernel::PrbvhSearchTop).zeros(length).zeros(REPORT).run_everywhere();
-    let without = case(Kernel::PrbvhSearch).zeros(REPORT).run_everywhere();
-    let found: Vec<Reinsertion> = with_tops.get("found");
-    assert_eq!(found, without.get::<Reinsertion>("found"));
-    let report: Vec<u32> = with_tops.get("report");
-    assert_eq!(report, without.get::<u32>("report"));
-    assert_eq!(report[FAULTS], 0);
-    (found, with_tops.get("tops"))
+/// A search of all nodes of an iteration.
+fn search(tree: &NaiveTree, params: &PrbvhParams) -> Vec<Move> {
+    let case = Case::new(Kernel::PrbvhSearch, params.count, params).with(&tree.encode());
+    let result = case.zeros(params.count.max(1) as usize).zeros(REPORT).run_everywhere();
+    assert_eq!(result.get::<u32>("report")[FAULTS], 0);
+    result.get("found")
 }
 
-/// A move that the search found, and the key of its locks without the claim's kind.
+/// A move that the search found, and what it does.
 #[derive(Clone, Debug)]
-struct Move {
-    area_decrease: f32,
+struct Offer {
+    found: Move,
     footprint: Footprint,
 }
 
-impl Move {
+impl Offer {
     fn key(&self) -> u64 {
-        lock_key(self.area_decrease, self.footprint.input)
+        lock_key(self.found.area_decrease, self.footprint.input)
     }
 
-    fn lock(&self, written: bool) -> u64 {
-        lock_key(self.area_decrease, claim(self.footprint.input, written))
+    fn claimant(&self) -> Claimant {
+        let Footprint { written, read, .. } = &self.footprint;
+        Claimant { found: self.found, written: written.clone(), read: read.clone() }
     }
 }
 
 /// All moves that were found.
-fn moves(tree: &NaiveTree, params: &PrbvhParams, found: &[Reinsertion]) -> Vec<Move> {
-    (0..params.count)
-        .map(|i| (params.input(i), found[i as usize]))
-        .filter(|(_, found)| found.output != NO_NODE)
-        .map(|(input, found)| Move {
-            area_decrease: found.area_decrease,
-            footprint: Footprint::of(tree, input, found.output),
-        })
-        .collect()
+fn offers(tree: &NaiveTree, params: &PrbvhParams, found: &[Move]) -> Vec<Offer> {
+    let open = found.iter().take(params.count as usize).filter(|found| found.is_open());
+    open.map(|&found| Offer { found, footprint: Footprint::of(tree, found.input, found.output) }).collect()
 }
 
-/// The locks and those that stay.
-fn naive_check(nodes: usize, moves: &[Move]) -> (Vec<u64>, BTreeMap<u32, Move>) {
-    let mut locks = vec![0u64; nodes];
-    for each in moves {
-        let Footprint { written, read, .. } = &each.footprint;
-        for (&v, lock) in written.iter().map(|v| (v, each.lock(true))).chain(read.iter().map(|v| (v, each.lock(false))))
-        {
-            locks[v as usize] = locks[v as usize].max(lock);
-        }
-    }
-    let stays = |each: &&Move| {
-        let Footprint { written, read, .. } = &each.footprint;
-        written.iter().all(|&v| locks[v as usize] == each.lock(true))
-            && read.iter().all(|&v| locks[v as usize] == each.lock(false) || locks[v as usize] & 1 == 0)
-    };
-    let stay = moves.iter().filter(stays).map(|each| (each.footprint.input, each.clone())).collect();
-    (locks, stay)
+/// Those that keep all their nodes.
+fn naive_check(nodes: usize, offers: &[Offer]) -> Vec<Footprint> {
+    let claimants: Vec<Claimant> = offers.iter().map(Offer::claimant).collect();
+    let locks = locks(nodes, &claimants);
+    let stays = claimants.iter().map(|each| each.wins(&locks));
+    offers.iter().zip(stays).filter(|(_, stays)| *stays).map(|(offer, _)| offer.footprint.clone()).collect()
 }
 
-/// Search, lock, check, sum and reinsert of one iteration on every device, each against a naive version, and the claim about their boxes.
+/// Search, lock, check and reinsert of one iteration on every device, each against a naive version, and the claim about their boxes.
 /// Returns the tree after.
 fn check_iteration(tree: &NaiveTree, mu: u32, first: u32) -> NaiveTree {
     let nodes = tree.children.len();
-    let params = params(mu, first, nodes);
-    let (found, tops) = search(tree, &params);
-    let moves = moves(tree, &params, &found);
-    for each in &moves {
-        assert_eq!(tops[((each.footprint.input - first) / mu) as usize], each.footprint.top);
+    let scale = scale_of(half_area(&tree.boxes[0]));
+    let params = PrbvhParams { flags: CONSERVATIVE, scale, ..params(mu, first, nodes) };
+    let found = search(tree, &params);
+    let offers = offers(tree, &params, &found);
+    for each in &offers {
+        assert_eq!(each.found.other, each.footprint.top, "{each:?}");
     }
-    let (locks, stay) = naive_check(nodes, &moves);
-    if let Some(first) = moves.iter().max_by_key(|each| each.key()) {
-        assert!(stay.contains_key(&first.footprint.input), "the largest key stays");
-    }
+    let claimants: Vec<Claimant> = offers.iter().map(Offer::claimant).collect();
+    let checked = lock_and_check(&tree.encode(), &found, &vec![0; nodes], &params);
+    assert_eq!(fault_of(&found, &claimants, &checked, scale), None);
 
-    let case = |kernel| Case::new(kernel, params.count, &params).with(&tree.encode());
-    let lock = |kernel| case(kernel).with(&found).with(&tops);
-    assert_eq!(lock(Kernel::ConservativeLock).zeros(nodes).run_everywhere().get::<u64>("locks"), locks);
-    // The locks of two words hold the same keys, upper and lower half.
-    let decreases = lock(Kernel::ConservativeLockDecrease).zeros(nodes).run_everywhere().get::<u32>("decreases");
-    let inputs = lock(Kernel::ConservativeLockInput).with(&decreases).zeros(nodes).run_everywhere();
-    let inputs = inputs.get::<u32>("inputs");
-    let words = decreases.iter().zip(&inputs).map(|(&high, &low)| u64::from(high) << 32 | u64::from(low));
-    assert_eq!(words.collect::<Vec<_>>(), locks);
-
-    let checked = case(Kernel::ConservativeCheck).with(&tops).with(&locks);
-    let checked = checked.with(&found).zeros(REPORT).run_everywhere();
-    let words = case(Kernel::ConservativeCheckWords).with(&tops).with(&decreases).with(&inputs);
-    let words = words.with(&found).zeros(REPORT).run_everywhere();
-    let kept: Vec<Reinsertion> = checked.get("found");
-    assert_eq!(kept, words.get::<Reinsertion>("found"));
-    assert_eq!(checked.get::<u32>("report")[OWNED] as usize, stay.len());
-    for i in 0..params.count {
-        let expected = if stay.contains_key(&params.input(i)) { found[i as usize] } else { Reinsertion::NONE };
-        assert_eq!(kept[i as usize], expected, "{}", params.input(i));
-    }
-    check_sums(&kept, params.count);
-
-    let case = Case::new(Kernel::PrbvhReinsert, params.count, &params).with(&kept).with(&tree.encode());
-    let result = case.zeros(REPORT).run_everywhere();
-    assert_eq!(result.get::<u32>("report")[APPLIED] as usize, stay.len());
-    let mut after = NaiveTree::decode(&result.get::<Node>("nodes"));
+    let moved = reinsert(&tree.encode(), &checked.found, &nothing_kept(nodes), 1, &params);
+    let stay = naive_check(nodes, &offers);
+    assert_eq!(moved.applied, stay.len());
+    let mut after = NaiveTree::decode(&moved.nodes);
     after.refit(0);
-    let footprints: Vec<Footprint> = stay.into_values().map(|each| each.footprint).collect();
-    assert_eq!(additivity_fault(tree, &footprints), None);
-    assert_eq!(sum_fault(tree, &after, &footprints), None);
+    assert_eq!(additivity_fault(tree, &stay), None);
+    assert_eq!(sum_fault(tree, &after, &stay), None);
     assert!(after.internal_area() <= tree.internal_area() * (1.0 + 1e-12), "the areas rise");
     after
-}
-
-/// The partial sums of decreases have the precision of one rounding, and lie where they were asked for.
-fn check_sums(found: &[Reinsertion], count: u32) {
-    let chunks = count.div_ceil(DECREASE_CHUNK);
-    let params = DecreaseParams { count: chunks, found: count, first: 3 };
-    let case = Case::new(Kernel::PrbvhDecrease, chunks, &params).with(found).zeros(chunks as usize + 4);
-    let partial = case.run_everywhere().get::<f32>("partial");
-    assert!(partial[..3].iter().chain(&partial[3 + chunks as usize..]).all(|&sum| sum == 0.0));
-    for (chunk, &sum) in found[..count as usize].chunks(DECREASE_CHUNK as usize).zip(&partial[3..]) {
-        let exact: f64 = chunk.iter().map(|found| f64::from(found.area_decrease)).sum();
-        assert!((f64::from(sum) - exact).abs() <= 1.5e-7 * exact, "{sum}, not {exact}");
-    }
 }
 
 fn iterate(mut tree: NaiveTree, mu: u32, iterations: u32) -> NaiveTree {
@@ -172,19 +114,6 @@ fn ties_duplicates_and_flat_scenes_too() {
     iterate(tree_of(&(0..40).map(line).collect::<Vec<_>>(), 4), 1, 3);
 }
 
-/// A comb: internal node `k` holds leaf `k` and the rest, and the last two leaves end it.
-fn comb(boxes: &[Aabb]) -> NaiveTree {
-    let n = boxes.len();
-    let mut tree = tree_of(&soup(n, 0.1, 0), 0);
-    tree.boxes[n - 1..].copy_from_slice(boxes);
-    for v in 0..n - 1 {
-        let rest = if v + 2 < n { v + 1 } else { 2 * n - 2 };
-        tree.children[v] = vec![(n - 1 + v) as u32, rest as u32];
-    }
-    tree.refit(0);
-    tree
-}
-
 /// A box of height and width 1.
 fn bar(from: f32, to: f32) -> Aabb {
     Aabb { min: [from, 0.0, 0.0], max: [to, 1.0, 1.0] }
@@ -197,27 +126,27 @@ fn paths_have_no_limit() {
     boxes[1] = bar(0.0, 0.25);
     let tree = comb(&boxes);
     let params = params(1, 0, tree.children.len());
-    let moves = moves(&tree, &params, &search(&tree, &params).0);
-    let longest = moves.iter().map(|each| each.footprint.up.len() + each.footprint.down.len()).max();
+    let offers = offers(&tree, &params, &search(&tree, &params));
+    let longest = offers.iter().map(|each| each.footprint.up.len() + each.footprint.down.len()).max();
     assert!(longest > Some(127), "the longest path has {longest:?} nodes");
-    let (_, stay) = naive_check(tree.children.len(), &moves);
-    assert!(stay.values().any(|each| each.footprint.down.len() > 127), "it moves");
+    let stay = naive_check(tree.children.len(), &offers);
+    assert!(stay.iter().any(|each| each.down.len() > 127), "it moves");
     check_iteration(&tree, 1, 0);
 }
 
 /// Owners of their topology nodes: the aggressive strategy.
-fn aggressive(moves: &[Move]) -> Vec<Footprint> {
-    let rivals = |a: &Move, b: &Move| a.key() < b.key() && !a.footprint.topology.is_disjoint(&b.footprint.topology);
-    let stays = |a: &&Move| !moves.iter().any(|b| rivals(a, b));
-    moves.iter().filter(stays).map(|each| each.footprint.clone()).collect()
+fn aggressive(offers: &[Offer]) -> Vec<Footprint> {
+    let rivals = |a: &Offer, b: &Offer| a.key() < b.key() && !a.footprint.topology.is_disjoint(&b.footprint.topology);
+    let stays = |a: &&Offer| !offers.iter().any(|b| rivals(a, b));
+    offers.iter().filter(stays).map(|each| each.footprint.clone()).collect()
 }
 
 /// Those that a check like that of the authors' code would keep: paths are locked with flags, and a loser is compared with the holder alone.
-fn published(moves: &[Move]) -> Vec<Footprint> {
+fn published(offers: &[Offer]) -> Vec<Footprint> {
     const TOPOLOGY: u8 = 4;
     const UP: u8 = 2;
     const CHANGES: u8 = 1;
-    let flags = |each: &Move| -> BTreeMap<u32, u8> {
+    let flags = |each: &Offer| -> BTreeMap<u32, u8> {
         let Footprint { up, down, pivot, written, topology, shrunk_to, .. } = &each.footprint;
         let changes = |v: &u32| if written.contains(v) && Some(*v) != *shrunk_to { CHANGES } else { 0 };
         let mut flags: BTreeMap<u32, u8> = up.iter().map(|v| (*v, UP | changes(v))).collect();
@@ -228,10 +157,10 @@ fn published(moves: &[Move]) -> Vec<Footprint> {
         }
         flags
     };
-    let flags: Vec<BTreeMap<u32, u8>> = moves.iter().map(flags).collect();
+    let flags: Vec<BTreeMap<u32, u8>> = offers.iter().map(flags).collect();
     let holder = |v: u32| {
-        let users = (0..moves.len()).filter(|&k| flags[k].contains_key(&v));
-        users.max_by_key(|&k| moves[k].key()).expect("it is used")
+        let users = (0..offers.len()).filter(|&k| flags[k].contains_key(&v));
+        users.max_by_key(|&k| offers[k].key()).expect("it is used")
     };
     let stays = |a: usize| {
         flags[a].iter().all(|(&v, &own)| {
@@ -241,17 +170,17 @@ fn published(moves: &[Move]) -> Vec<Footprint> {
             let (up, changes) = (own & UP != 0, own & CHANGES != 0);
             a == b
                 || !(own & TOPOLOGY != 0
-                    || (other & TOPOLOGY != 0 && v != moves[a].footprint.pivot)
+                    || (other & TOPOLOGY != 0 && v != offers[a].footprint.pivot)
                     || both(CHANGES)
                     || (up && changes && other & UP == 0)
                     || (!up && !changes && other & UP != 0 && other & CHANGES != 0))
         })
     };
-    (0..moves.len()).filter(|&a| stays(a)).map(|a| moves[a].footprint.clone()).collect()
+    (0..offers.len()).filter(|&a| stays(a)).map(|a| offers[a].footprint.clone()).collect()
 }
 
 /// Random trees until `keep` lets moves through of which the sum or a box is not what it would be alone.
-fn finds_a_fault(keep: impl Fn(&[Move]) -> Vec<Footprint>) -> Option<String> {
+fn finds_a_fault(keep: impl Fn(&[Offer]) -> Vec<Footprint>) -> Option<String> {
     (0..600).find_map(|seed| {
         let n = 20 + seed as usize % 50;
         let mut triangles = soup(n, 0.3, seed);
@@ -268,7 +197,7 @@ fn finds_a_fault(keep: impl Fn(&[Move]) -> Vec<Footprint>) -> Option<String> {
         let mut cpu = prbvh::device::cpu::CpuDevice::new(1).unwrap();
         let result = case.zeros(params.count as usize).zeros(REPORT).run_on(&mut cpu).unwrap();
         assert!(result.get::<u32>("report")[FOUND] > 0);
-        let kept = keep(&moves(&tree, &params, &result.get::<Reinsertion>("found")));
+        let kept = keep(&offers(&tree, &params, &result.get::<Move>("found")));
         let mut together = tree.clone();
         for a in &kept {
             together.reinsert(a.input, a.output);
@@ -290,24 +219,21 @@ fn the_oracle_goes_red_for_weaker_rules() {
         ("stop", |a| Some(a.grown_to)),
     ];
     for (name, spared) in spared {
-        let without = |moves: &[Move]| -> Vec<Footprint> {
-            let mut moves = moves.to_vec();
-            for Move { footprint, .. } in &mut moves {
+        let without = |offers: &[Offer]| -> Vec<Footprint> {
+            let mut offers = offers.to_vec();
+            for Offer { footprint, .. } in &mut offers {
                 let spared = spared(footprint).filter(|v| !footprint.topology.contains(v));
                 if let Some(v) = spared {
                     footprint.read.remove(&v);
                     footprint.written.remove(&v);
                 }
             }
-            let nodes = moves[0].footprint.alone.children.len();
-            naive_check(nodes, &moves).1.into_values().map(|each| each.footprint).collect()
+            naive_check(offers[0].footprint.alone.children.len(), &offers)
         };
         assert!(finds_a_fault(without).is_some(), "without the {name}");
     }
-    let whole = |moves: &[Move]| -> Vec<Footprint> {
-        let nodes = moves[0].footprint.alone.children.len();
-        naive_check(nodes, moves).1.into_values().map(|each| each.footprint).collect()
-    };
+    let whole =
+        |offers: &[Offer]| -> Vec<Footprint> { naive_check(offers[0].footprint.alone.children.len(), offers) };
     assert_eq!(finds_a_fault(whole), None);
 }
 

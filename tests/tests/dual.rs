@@ -1,61 +1,69 @@
 //! The kernels of the dual moves against brute force.
 
 use prbvh_kernel::Kernel;
-use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::node::{NO_NODE, Node};
+use prbvh_kernel::prbvh::dual::search::{DualParams, MAX_ROUNDS, TO_THE_ROOT};
 use prbvh_kernel::prbvh::dual::DualMove;
-use prbvh_kernel::prbvh::{PrbvhParams, Reinsertion, lock_key};
-use prbvh_kernel::status::{APPLIED, FAULTS, FOUND, OWNED, REPORT_WORDS};
+use prbvh_kernel::prbvh::worst::books::{BOOKS_WORDS, LIST_LENGTH};
+use prbvh_kernel::prbvh::worst::keys::{IN_POOL, TIRED};
+use prbvh_kernel::prbvh::{DUAL, Move, PrbvhParams};
+use prbvh_kernel::status::{FAULTS, FOUND, MOST_STEPS, REPORT_WORDS, VISITS};
+use prbvh_kernel::sum::scale_of;
 use prbvh_tests::compare::Case;
 use prbvh_tests::dual::{measured_area_decrease, moves, reinsert, topology};
 use prbvh_tests::fixtures::{on_a_lattice, soup, stiff};
-use prbvh_tests::oracle::{NaiveTree, half_area, tree_of};
+use prbvh_tests::locks::{Claimant, fault_of, lock_and_check};
+use prbvh_tests::moved::{self, kept_fault, nothing_kept, paths_fault};
+use prbvh_tests::oracle::{NaiveTree, half_area, row_comb, tree_of};
 use proptest::prelude::*;
 
 const REPORT: usize = REPORT_WORDS as usize;
 
-fn params(mu: u32, first: u32, nodes: usize) -> PrbvhParams {
-    let internal = nodes as u32 / 2;
-    PrbvhParams { count: internal.saturating_sub(first).div_ceil(mu), mu, first, nodes: nodes as u32, floor: 0.0 }
+/// What a full search takes: both orders, up to the root.
+fn full(nodes: usize) -> DualParams {
+    let (count, nodes) = (nodes as u32 / 2, nodes as u32);
+    DualParams { count, nodes, both_orders: 1, climb: TO_THE_ROOT, slack: 0.0, row: 0 }
 }
 
-/// `found` and `seconds`, the same on every device in every order.
-fn search(tree: &NaiveTree, params: &PrbvhParams) -> (Vec<Reinsertion>, Vec<u32>) {
-    let length = params.count.max(1) as usize;
-    let case = Case::new(Kernel::DualSearch, params.count, params).with(&tree.encode());
-    let result = case.zeros(length).zeros(length).zeros(REPORT).run_everywhere();
-    let found: Vec<Reinsertion> = result.get("found");
+/// What is found for the nodes of a list, the same on every device in every order, and the row of the report.
+fn search(nodes: &[Node], list: &[u32], params: &DualParams) -> (Vec<Move>, Vec<u32>) {
+    let places = (nodes.len() / 2).max(1);
+    let mut books = vec![0; BOOKS_WORDS as usize];
+    books[LIST_LENGTH] = list.len() as u32;
+    let mut padded = list.to_vec();
+    // Whoever reads behind the end of the list comes to no node.
+    padded.resize(places, NO_NODE);
+    // No key has both bits from the start.
+    let keys: Vec<u32> = (0..places as u32).map(|v| (v + 1) << 1 | IN_POOL).collect();
+    let case = Case::new(Kernel::DualSearch, params.count, params).with(nodes).with(&padded).zeros(places);
+    let result = case.with(&keys).with(&books).zeros(REPORT).run_everywhere();
+    let mut found: Vec<Move> = result.get("found");
+    let behind = found.split_off(list.len());
+    assert!(behind.iter().take((params.count as usize).saturating_sub(list.len())).all(|found| *found == Move::NONE));
     let report: Vec<u32> = result.get("report");
     assert_eq!(report[FAULTS], 0);
-    let count = found.iter().take(params.count as usize).filter(|found| found.output != NO_NODE).count();
-    assert_eq!(report[FOUND] as usize, if params.count == 0 { 0 } else { count });
-    (found, result.get("seconds"))
+    assert_eq!(report[FOUND] as usize, found.iter().filter(|found| found.output != NO_NODE).count());
+    for (v, key) in result.get::<u32>("keys").into_iter().enumerate() {
+        let in_vain = list.iter().zip(&found).any(|(&input, found)| input == v as u32 && found.output == NO_NODE);
+        assert_eq!(key, keys[v] | if in_vain { TIRED } else { 0 }, "who is searched in vain is tired, and nobody else: {v}");
+    }
+    (found, report)
 }
 
-/// The moves that a search found, by invocation.
-fn found_moves(
-    nodes: &[Node],
-    params: &PrbvhParams,
-    found: &[Reinsertion],
-    seconds: &[u32],
-) -> Vec<Option<(DualMove, f32)>> {
-    (0..params.count as usize)
-        .map(|i| {
-            let reinsertion = found[i];
-            let dual = DualMove::new(nodes, params.input(i as u32), reinsertion, seconds[i]);
-            (reinsertion.output != NO_NODE).then_some((dual, reinsertion.area_decrease))
-        })
-        .collect()
+/// A full search for every `mu`-th internal node; what is found, by input.
+fn search_all(tree: &NaiveTree, mu: usize, first: u32) -> Vec<(u32, Move)> {
+    let list: Vec<u32> = (first..tree.children.len() as u32 / 2).step_by(mu).collect();
+    let (found, _) = search(&tree.encode(), &list, &full(tree.children.len()));
+    list.into_iter().zip(found).collect()
 }
 
 /// The search says what each of its moves is worth alone, and finds moves that are at least as good as the best greedy one: the first
 /// child where it costs least, then the second.
 fn check_search(tree: &NaiveTree) {
-    let params = params(1, 0, tree.children.len());
-    let (found, seconds) = search(tree, &params);
     let nodes = tree.encode();
     let scale = half_area(&tree.boxes[0]);
-    for (input, found) in (0u32..).zip(found_moves(&nodes, &params, &found, &seconds)) {
+    for (input, found) in search_all(tree, 1, 0) {
+        let found = (found.output != NO_NODE).then(|| (DualMove::new(&nodes[..], &found), found.area_decrease));
         let possible = moves(tree, input);
         let best = greedy(tree, &possible);
         match found {
@@ -123,61 +131,41 @@ fn the_search_finds_the_greedy_move_in_small_trees() {
 #[test]
 fn the_oracle_of_the_search_notices_a_wrong_decrease() {
     let tree = tree_of(&soup(16, 0.3, 1), 1);
-    let params = params(1, 0, tree.children.len());
-    let (found, seconds) = search(&tree, &params);
-    let (dual, said) = found_moves(&tree.encode(), &params, &found, &seconds).into_iter().flatten().next().unwrap();
+    let (_, found) = search_all(&tree, 1, 0).into_iter().find(|(_, found)| found.output != NO_NODE).unwrap();
+    let (dual, said) = (DualMove::new(&tree.encode()[..], &found), found.area_decrease);
     let planted = DualMove { second_output: dual.first, ..dual };
     let planted = if planted == dual { DualMove { second_output: dual.first_output, ..dual } } else { planted };
     assert!((measured_area_decrease(&tree, &dual) - f64::from(said)).abs() < 1e-5);
     assert!((measured_area_decrease(&tree, &planted) - f64::from(said)).abs() > 1e-5);
 }
 
-/// Search, lock, check and reinsert, each against a naive version. Returns the tree after.
-fn check_iteration(tree: &NaiveTree, mu: u32, first: u32) -> NaiveTree {
+/// Search, lock, check, reinsert and refit, each against a naive version. Returns the tree after.
+fn check_iteration(tree: &NaiveTree, mu: usize, first: u32) -> NaiveTree {
     let length = tree.children.len();
-    let params = params(mu, first, length);
     let nodes = tree.encode();
-    let (found, seconds) = search(tree, &params);
-    let duals = found_moves(&nodes, &params, &found, &seconds);
+    let found: Vec<Move> = search_all(tree, mu, first).into_iter().map(|(_, found)| found).collect();
+    let scale = scale_of(half_area(&tree.boxes[0]));
+    let params = PrbvhParams { count: found.len() as u32, flags: DUAL, scale, ..PrbvhParams::every(1, 0, length as u32) };
+    // A buffer has an element also where nothing is searched.
+    let mut buffer = found.clone();
+    buffer.resize(found.len().max(1), Move::NONE);
+    let dual_of = |found: &Move| DualMove::new(&nodes[..], found);
+    let open = found.iter().filter(|found| found.is_open());
+    let claimants: Vec<Claimant> =
+        open.map(|found| Claimant::alone(*found, topology(tree, &dual_of(found)))).collect();
+    let checked = lock_and_check(&nodes, &buffer, &vec![0; length], &params);
+    assert_eq!(fault_of(&found, &claimants, &checked, scale), None);
 
-    let mut locks = vec![0u64; length];
-    for (dual, decrease) in duals.iter().flatten() {
-        for v in topology(tree, dual) {
-            locks[v as usize] = locks[v as usize].max(lock_key(*decrease, dual.input));
-        }
-    }
-    let case = |kernel| Case::new(kernel, params.count, &params).with(&nodes);
-    let both = |kernel| case(kernel).with(&found).with(&seconds);
-    assert_eq!(both(Kernel::DualLock).zeros(length).run_everywhere().get::<u64>("locks"), locks);
-    let decreases: Vec<u32> = both(Kernel::DualLockDecrease).zeros(length).run_everywhere().get("decreases");
-    let inputs = both(Kernel::DualLockInput).with(&decreases).zeros(length).run_everywhere();
-    let inputs: Vec<u32> = inputs.get("inputs");
-    let words = decreases.iter().zip(&inputs).map(|(&high, &low)| u64::from(high) << 32 | u64::from(low));
-    assert_eq!(words.collect::<Vec<_>>(), locks);
-
-    let owns = |(dual, decrease): &(DualMove, f32)| {
-        topology(tree, dual).iter().all(|&v| locks[v as usize] == lock_key(*decrease, dual.input))
-    };
-    let owners: Vec<Option<(DualMove, f32)>> = duals.iter().map(|dual| dual.filter(owns)).collect();
-    let owned = owners.iter().flatten().count();
-    assert_eq!(owned == 0, duals.iter().flatten().count() == 0, "something moves whenever something was found");
-    let checked = case(Kernel::DualCheck).with(&seconds).with(&locks).with(&found).zeros(REPORT).run_everywhere();
-    let words = case(Kernel::DualCheckWords).with(&seconds).with(&decreases).with(&inputs).with(&found);
-    let kept: Vec<Reinsertion> = checked.get("found");
-    assert_eq!(kept, words.zeros(REPORT).run_everywhere().get::<Reinsertion>("found"));
-    assert_eq!(checked.get::<u32>("report")[OWNED] as usize, owned);
-    for (i, owner) in owners.iter().enumerate() {
-        assert_eq!(kept[i], if owner.is_some() { found[i] } else { Reinsertion::NONE });
-    }
-
-    let result = Case::new(Kernel::DualReinsert, params.count, &params).with(&kept).with(&seconds).with(&nodes);
-    let result = result.zeros(REPORT).run_everywhere();
-    assert_eq!(result.get::<u32>("report")[APPLIED] as usize, owned);
+    let moved = moved::reinsert(&nodes, &checked.found, &nothing_kept(length), 1, &params);
     let mut expected = tree.clone();
-    owners.iter().flatten().for_each(|(dual, _)| reinsert(&mut expected, dual));
+    let winners: Vec<&Move> = checked.found.iter().filter(|found| found.has_won()).collect();
+    winners.iter().for_each(|found| reinsert(&mut expected, &dual_of(found)));
+    assert_eq!(moved.applied, winners.len());
     // Reads every link: whatever is no tree ends here.
-    let mut after = NaiveTree::decode(&result.get::<Node>("nodes"));
+    let mut after = NaiveTree::decode(&moved.nodes);
     assert_eq!(after.children, expected.children);
+    assert_eq!(kept_fault(tree, &moved, 1), None);
+    assert_eq!(paths_fault(&moved, &params), None);
     after.refit(0);
     after
 }
@@ -188,41 +176,40 @@ fn iterations_do_what_the_naive_ones_do_and_end() {
         let mut tree = tree_of(&soup(n, 0.2, n as u64), n as u64);
         let initial = tree.internal_area();
         for iteration in 0..6 {
-            tree = check_iteration(&tree, mu, iteration % mu);
+            tree = check_iteration(&tree, mu, iteration % mu as u32);
         }
         assert!(tree.internal_area() <= initial * (1.0 + 1e-6));
     }
 }
 
-/// Boxes in a row, the tree a comb: the search would take more rounds than it may.
+/// What the worst-first order asks for: one order, a short climb.
+#[test]
+fn a_short_search_looks_at_less_and_gains_nearly_as_much() {
+    let tree = tree_of(&soup(200, 0.1, 3), 3);
+    let nodes = tree.encode();
+    let list: Vec<u32> = (1..nodes.len() as u32 / 2).rev().collect();
+    let whole = full(nodes.len());
+    let short = DualParams { both_orders: 0, climb: 1, slack: 0.1, ..whole };
+    let ((all, looked), (few, looked_short)) = (search(&nodes, &list, &whole), search(&nodes, &list, &short));
+    assert!(2 * looked_short[VISITS] < looked[VISITS], "{} and {} visits", looked_short[VISITS], looked[VISITS]);
+    for found in few.iter().filter(|found| found.output != NO_NODE) {
+        let dual = DualMove::new(&nodes[..], found);
+        let measured = measured_area_decrease(&tree, &dual);
+        assert!((measured - f64::from(found.area_decrease)).abs() < 1e-5 * half_area(&tree.boxes[0]), "{dual:?}");
+    }
+    let gain = |found: &[Move]| found.iter().map(|found| f64::from(found.area_decrease)).sum::<f64>();
+    let part = gain(&few) / gain(&all);
+    assert!(part > 0.7 && part < 1.0, "{part}");
+}
+
+/// The search would take more rounds than it may.
 #[test]
 fn a_search_over_the_bound_moves_nothing_on_any_device() {
-    let n = 20_000u32;
-    let boxes: Vec<Aabb> =
-        (0..n).map(|k| Aabb { min: [k as f32, 0.0, 0.0], max: [k as f32 + 0.5, 1.0, 1.0] }).collect();
-    let internal = n - 1;
-    let mut nodes: Vec<Node> = vec![bytemuck::Zeroable::zeroed(); 2 * n as usize - 1];
-    for (k, aabb) in boxes.iter().enumerate() {
-        let leaf = internal as usize + k;
-        (nodes[leaf].min, nodes[leaf].max, nodes[leaf].down) = (aabb.min, aabb.max, k as u32);
-    }
-    nodes[0].up = NO_NODE;
-    for v in (0..internal).rev() {
-        let (left, right) = (internal + v, if v + 1 < internal { v + 1 } else { internal + v + 1 });
-        nodes[v as usize].down = left;
-        nodes[left as usize].up = right;
-        nodes[right as usize].up = v | prbvh_kernel::node::RIGHT;
-        let aabb = nodes[left as usize].aabb().union(nodes[right as usize].aabb());
-        (nodes[v as usize].min, nodes[v as usize].max) = (aabb.min, aabb.max);
-    }
-    let params =
-        PrbvhParams { count: internal.div_ceil(499), mu: 499, first: 498, nodes: nodes.len() as u32, floor: 0.0 };
-    let case = Case::new(Kernel::DualSearch, params.count, &params).with(&nodes);
-    let result = case.zeros(params.count as usize).zeros(params.count as usize).zeros(REPORT).run_everywhere();
-    let report: Vec<u32> = result.get("report");
-    assert_eq!(report[FAULTS], 0);
+    let nodes = row_comb(20_000).encode();
+    let list: Vec<u32> = (498..nodes.len() as u32 / 2).step_by(499).collect();
+    let (_, report) = search(&nodes, &list, &full(nodes.len()));
     // The deepest inputs are past the bound, and the topmost ones are not.
-    assert_eq!(report[prbvh_kernel::status::MOST_STEPS], prbvh_kernel::prbvh::dual::MAX_ROUNDS);
+    assert_eq!(report[MOST_STEPS], MAX_ROUNDS);
 }
 
 proptest! {
@@ -232,11 +219,11 @@ proptest! {
     fn degenerate_trees_stay_trees(
         triangles in on_a_lattice(40),
         seed in any::<u64>(),
-        mu in 1u32..4,
+        mu in 1usize..4,
     ) {
         let mut tree = tree_of(&triangles, seed);
         for iteration in 0..4 {
-            tree = check_iteration(&tree, mu, iteration % mu);
+            tree = check_iteration(&tree, mu, iteration % mu as u32);
         }
     }
 

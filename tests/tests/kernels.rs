@@ -8,7 +8,6 @@ use prbvh_kernel::morton::MortonParams;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::refit::RefitParams;
 use prbvh_kernel::setup::{BOUNDS_CHUNK, BoundsParams, BoxesParams, Triangle};
-use prbvh_kernel::snapshot::{NodeLinks, SnapshotParams};
 use prbvh_kernel::sort::{DIGITS, GatherParams, SCAN_CHUNK, ScanParams, SortParams};
 use prbvh_kernel::status::{FAULT_BROKEN_TREE, FAULTS, REPORT_WORDS};
 use prbvh_tests::compare::Case;
@@ -242,17 +241,4 @@ fn cost_adds_up_chunks_and_reports_broken_trees() {
     assert_eq!(result.get::<u32>("report")[FAULTS], 0);
     arrivals[1234] = 1;
     assert_eq!(case(&arrivals).get::<u32>("report")[FAULTS], FAULT_BROKEN_TREE);
-}
-
-#[test]
-fn snapshots_keep_the_links() {
-    let tree = random_tree(&boxes_of(&soup(500, 0.1, 11)), 2);
-    let nodes = tree.encode();
-    let params = SnapshotParams { count: 999 };
-    let saved = Case::new(Kernel::SnapshotSave, 999, &params).with(&nodes).zeros(999).run_everywhere();
-    let links = saved.get::<NodeLinks>("links");
-    let other = random_tree(&tree.boxes[499..], 3).encode();
-    let restored = Case::new(Kernel::SnapshotRestore, 999, &params).with(&links).with(&other).run_everywhere();
-    let restored = NaiveTree::decode(&restored.get::<Node>("nodes"));
-    assert!((restored.children, restored.references) == (tree.children, tree.references));
 }

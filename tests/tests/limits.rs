@@ -74,7 +74,7 @@ fn a_scene_too_large_for_a_device_is_refused_before_anything_is_allocated() {
     let scene = Scene::from_triangles("large", soup(N, 0.1, 6)).unwrap();
     let nodes = 2 * N as u64 * size_of::<Node>() as u64;
     let adaptive = Settings { adaptive: Some(CollapseSettings::default()), ..Settings::default() };
-    let conservative = PrbvhSettings { strategy: Strategy::Conservative, ..PrbvhSettings::default() };
+    let conservative = PrbvhSettings { strategy: Strategy::Conservative, ..PrbvhSettings::published() };
     let conservative = Settings { prbvh: conservative, ..Settings::default() };
     let initial = Settings { optimizer: Optimizer::None, ..Settings::default() };
     for (settings, phase) in [
@@ -148,11 +148,10 @@ impl device::Layer for Strict {
 fn a_scene_that_just_fits_stays_within_the_limits() {
     for n in [1000, 20_000] {
         let scene = Scene::from_triangles("fits", soup(n, 0.1, 7)).unwrap();
-        for strategy in [Strategy::Aggressive, Strategy::Conservative] {
+        for prbvh in [PrbvhSettings::default(), PrbvhSettings::published()] {
             for adaptive in [None, Some(CollapseSettings::default())] {
-                let mut settings = Settings { adaptive, ..Settings::default() };
+                let mut settings = Settings { adaptive, prbvh: prbvh.clone(), ..Settings::default() };
                 settings.prbvh.limits.max_iterations = 2;
-                settings.prbvh.strategy = strategy;
                 let info = limited(2 * n as u64 * size_of::<Node>() as u64, most_memory(&scene, &settings));
                 let mut device = Strict { device: CpuDevice::new(1).unwrap(), info };
                 optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();

@@ -5,7 +5,7 @@ use prbvh::build::{DEFAULT_RADIUS, TreeletSize};
 use prbvh::collapse::CollapseSettings;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{Buffer, Device, DeviceError, Layer};
-use prbvh::optimize::{CurrentTree, IterationRow, Limits, MoveKind, Order, PrbvhSettings, RbvhSettings, Strategy};
+use prbvh::optimize::{CurrentTree, IterationRow, Limits, PrbvhSettings, RbvhSettings, Strategy};
 use prbvh::pipeline::{Initial, Optimizer, Settings, optimize_watched};
 use prbvh::plan::Plan;
 use prbvh::scene::built_in;
@@ -90,16 +90,15 @@ fn peak(settings: &Settings, observe: &mut dyn FnMut(&IterationRow, CurrentTree<
 #[test]
 fn a_whole_run_keeps_to_its_bytes() {
     let _guard = RUN.lock().unwrap_or_else(PoisonError::into_inner);
-    let single = PrbvhSettings::default();
+    let published = PrbvhSettings::published();
     let with = |settings: &Settings, initial| Settings { initial, ..settings.clone() };
-    let default = of_prbvh(single.clone());
+    let default = of_prbvh(PrbvhSettings::default());
     let adaptive = Some(CollapseSettings::default());
     let rbvh = RbvhSettings { limits: Limits::iterations(1), ..RbvhSettings::default() };
     let runs = [
         ("by default", default.clone()),
-        ("conservative", of_prbvh(PrbvhSettings { strategy: Strategy::Conservative, ..single.clone() })),
-        ("largest first", of_prbvh(PrbvhSettings { order: Order::LargestFirst, ..single.clone() })),
-        ("dual", of_prbvh(PrbvhSettings { moves: MoveKind::Dual, ..single.clone() })),
+        ("published", of_prbvh(published.clone())),
+        ("conservative", of_prbvh(PrbvhSettings { strategy: Strategy::Conservative, ..published })),
         ("ploc", with(&default, Initial::Ploc { radius: DEFAULT_RADIUS })),
         ("atrbvh", with(&default, Initial::Atrbvh { treelet: TreeletSize::DEFAULT })),
         ("sweep", with(&default, Initial::SahSweep)),

@@ -1,15 +1,17 @@
-//! PRBVH's four kernels against brute force.
+//! The kernels of the single moves against brute force.
 
 use prbvh_kernel::Kernel;
-use prbvh_kernel::node::{NO_NODE, Node};
-use prbvh_kernel::prbvh::{PrbvhParams, Reinsertion, lock_key};
-use prbvh_kernel::status::{APPLIED, FAULTS, FOUND, OWNED, REPORT_WORDS};
+use prbvh_kernel::node::NO_NODE;
+use prbvh_kernel::prbvh::{Move, PrbvhParams, WON};
+use prbvh_kernel::status::{FAULTS, FOUND, OWNED, PREDICTED, REPORT_WORDS};
+use prbvh_kernel::sum::scale_of;
 use prbvh_tests::compare::Case;
 use prbvh_tests::fixtures::{on_a_lattice, soup, stiff};
 use prbvh_tests::footprint::topology;
+use prbvh_tests::locks::{Checked, Claimant, fault_of, lock_and_check};
+use prbvh_tests::moved::{kept_fault, nothing_kept, paths_fault, reinsert};
 use prbvh_tests::oracle::{NaiveTree, half_area, tree_of};
 use proptest::prelude::*;
-use std::collections::BTreeMap;
 
 const REPORT: usize = REPORT_WORDS as usize;
 
@@ -17,7 +19,7 @@ fn params(mu: u32, first: u32, nodes: usize) -> PrbvhParams {
     PrbvhParams::every(mu, first, nodes as u32)
 }
 
-fn search(tree: &NaiveTree, params: &PrbvhParams) -> (Vec<Reinsertion>, Vec<u32>) {
+fn search(tree: &NaiveTree, params: &PrbvhParams) -> (Vec<Move>, Vec<u32>) {
     let case = Case::new(Kernel::PrbvhSearch, params.count, params).with(&tree.encode());
     let result = case.zeros(params.count.max(1) as usize).zeros(REPORT).run_everywhere();
     (result.get("found"), result.get("report"))
@@ -30,7 +32,7 @@ fn check_search(tree: &NaiveTree) {
     let scale = half_area(&tree.boxes[0]);
     assert_eq!(report[FAULTS], 0);
     assert_eq!(report[FOUND] as usize, found.iter().filter(|found| found.output != NO_NODE).count());
-    assert_eq!(found[0], Reinsertion::NONE, "the root stays");
+    assert_eq!(found[0], Move::NONE, "the root stays");
     for (input, found) in (0u32..).zip(&found).skip(1) {
         let best = tree
             .outputs(input)
@@ -85,80 +87,64 @@ fn sparse_searches_take_every_mu_th_node() {
     }
 }
 
-/// Search, lock, check and reinsert, each against a naive version. Returns the tree after.
+/// Search, lock, check, reinsert and refit, each against a naive version. Returns the tree after.
 fn check_iteration(tree: &NaiveTree, mu: u32, first: u32) -> NaiveTree {
-    let nodes = tree.children.len();
-    let params = params(mu, first, nodes);
+    let length = tree.children.len();
+    let params = PrbvhParams { scale: scale_of(half_area(&tree.boxes[0])), ..params(mu, first, length) };
+    let nodes = tree.encode();
     let (found, _) = search(tree, &params);
-    let moves: Vec<(u32, Reinsertion)> = (0..params.count)
-        .map(|i| (params.input(i), found[i as usize]))
-        .filter(|(_, found)| found.output != NO_NODE)
+    let claimants: Vec<Claimant> = offers(&found, &params)
+        .map(|found| Claimant::alone(*found, topology(tree, found.input, found.output)))
         .collect();
+    let checked = lock_and_check(&nodes, &found, &vec![0; length], &params);
+    assert_eq!(fault_of(&found, &claimants, &checked, params.scale), None);
 
-    let mut locks = vec![0u64; nodes];
-    for &(input, Reinsertion { area_decrease, output, .. }) in &moves {
-        for v in topology(tree, input, output) {
-            locks[v as usize] = locks[v as usize].max(lock_key(area_decrease, input));
-        }
-    }
-    let case = Case::new(Kernel::PrbvhLock, params.count, &params).with(&tree.encode()).with(&found);
-    assert_eq!(case.zeros(nodes).run_everywhere().get::<u64>("locks"), locks);
-
-    // The locks of two words hold the same keys, upper and lower half.
-    let case = Case::new(Kernel::PrbvhLockDecrease, params.count, &params).with(&tree.encode()).with(&found);
-    let decreases = case.zeros(nodes).run_everywhere().get::<u32>("decreases");
-    let case = Case::new(Kernel::PrbvhLockInput, params.count, &params).with(&tree.encode()).with(&found);
-    let inputs = case.with(&decreases).zeros(nodes).run_everywhere().get::<u32>("inputs");
-    let words = decreases.iter().zip(&inputs).map(|(&high, &low)| u64::from(high) << 32 | u64::from(low));
-    assert_eq!(words.collect::<Vec<_>>(), locks);
-
-    let owns = |&(input, Reinsertion { area_decrease, output, .. }): &(u32, Reinsertion)| {
-        topology(tree, input, output).iter().all(|&v| locks[v as usize] == lock_key(area_decrease, input))
-    };
-    let owners: BTreeMap<u32, Reinsertion> = moves.iter().copied().filter(owns).collect();
-    assert_eq!(owners.is_empty(), moves.is_empty(), "something moves whenever something was found");
-    let case = Case::new(Kernel::PrbvhCheck, params.count, &params).with(&tree.encode()).with(&locks);
-    let checked = case.with(&found).zeros(REPORT).run_everywhere();
-    let case = Case::new(Kernel::PrbvhCheckWords, params.count, &params).with(&tree.encode());
-    let checked_words = case.with(&decreases).with(&inputs).with(&found).zeros(REPORT).run_everywhere();
-    let owned: Vec<Reinsertion> = checked.get("found");
-    assert_eq!(owned, checked_words.get::<Reinsertion>("found"));
-    assert_eq!(checked.get::<u32>("report")[OWNED] as usize, owners.len());
-    for i in 0..params.count {
-        let expected = owners.get(&params.input(i)).copied().unwrap_or(Reinsertion::NONE);
-        assert_eq!(owned[i as usize], expected);
-    }
-
-    let case = Case::new(Kernel::PrbvhReinsert, params.count, &params).with(&owned).with(&tree.encode());
-    let result = case.zeros(REPORT).run_everywhere();
-    assert_eq!(result.get::<u32>("report")[APPLIED] as usize, owners.len());
+    let moved = reinsert(&nodes, &checked.found, &nothing_kept(length), 1, &params);
+    let winners: Vec<Move> = checked.found.iter().copied().filter(Move::has_won).collect();
+    assert_eq!(moved.applied, winners.len());
     let mut expected = tree.clone();
-    for (&input, found) in &owners {
-        expected.reinsert(input, found.output);
-    }
-    let mut after = NaiveTree::decode(&result.get::<Node>("nodes"));
+    winners.iter().for_each(|found| expected.reinsert(found.input(), found.output));
+    let mut after = NaiveTree::decode(&moved.nodes);
     assert_eq!(after.children, expected.children);
-    assert_eq!(after.references[nodes / 2..], tree.references[nodes / 2..]);
+    assert_eq!(after.references[length / 2..], tree.references[length / 2..]);
+    assert_eq!(kept_fault(tree, &moved, 1), None);
+    assert_eq!(paths_fault(&moved, &params), None);
     after.refit(0);
-    check_paths(&params, &result.get::<Reinsertion>("found"), &result.get::<Node>("nodes"), &after);
     after
 }
 
-/// The refit of changed paths gives every node the box that a refit of all gives it, and leaves all counts at 0.
-fn check_paths(params: &PrbvhParams, found: &[Reinsertion], nodes: &[Node], expected: &NaiveTree) {
-    let internal = nodes.len() / 2;
-    let case = Case::new(Kernel::PrbvhMarkPaths, params.count, params).with(found).with(nodes);
-    let marked = case.zeros(internal.max(1)).run_everywhere();
-    let ways: Vec<u32> = marked.get("ways");
-    let case = Case::new(Kernel::PrbvhRefitPaths, params.count, params).with(found).with(nodes);
-    let result = case.with(&ways).run_everywhere();
-    assert_eq!(NaiveTree::decode(&result.get::<Node>("nodes")).boxes, expected.boxes);
-    assert!(result.get::<u32>("ways").iter().all(|&ways| ways == 0));
-    // Nobody passes a node that no move is below.
-    assert!(ways.iter().filter(|&&ways| ways > 0).count() <= internal);
-    // A buffer has an element where there is no input.
-    let moves = found.iter().take(params.count as usize).any(|found| found.output != NO_NODE);
-    assert_eq!(ways.iter().any(|&ways| ways > 0), moves);
+/// What a search found. A buffer has an element also where there is no input.
+fn offers<'a>(found: &'a [Move], params: &PrbvhParams) -> impl Iterator<Item = &'a Move> {
+    found.iter().take(params.count as usize).filter(|found| found.is_open())
+}
+
+/// The locks' comparer itself.
+#[test]
+fn a_move_that_should_not_have_won_is_noticed() {
+    let tree = tree_of(&soup(40, 0.3, 1), 1);
+    let params = PrbvhParams { scale: scale_of(half_area(&tree.boxes[0])), ..params(1, 0, tree.children.len()) };
+    let (found, _) = search(&tree, &params);
+    let claimants: Vec<Claimant> = offers(&found, &params)
+        .map(|found| Claimant::alone(*found, topology(&tree, found.input, found.output)))
+        .collect();
+    let right = lock_and_check(&tree.encode(), &found, &vec![0; found.len()], &params);
+    let fault = |checked: &Checked| fault_of(&found, &claimants, checked, params.scale);
+    assert_eq!(fault(&right), None);
+    let mut wrong = right.clone();
+    wrong.found.iter_mut().find(|found| found.is_open()).unwrap().input |= WON;
+    assert!(fault(&wrong).is_some(), "a loser moves");
+    let mut wrong = right.clone();
+    wrong.found.iter_mut().find(|found| found.has_won()).unwrap().input &= !WON;
+    assert!(fault(&wrong).is_some(), "a winner stays");
+    let mut wrong = right.clone();
+    *wrong.locked.iter_mut().find(|lock| **lock != 0).unwrap() ^= 1;
+    assert!(fault(&wrong).is_some(), "a lock");
+    let mut wrong = right.clone();
+    wrong.report[PREDICTED + 1] += 1;
+    assert!(fault(&wrong).is_some(), "a promise");
+    let mut wrong = right;
+    wrong.report[OWNED] -= 1;
+    assert!(fault(&wrong).is_some(), "a count");
 }
 
 #[test]

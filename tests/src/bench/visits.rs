@@ -1,9 +1,9 @@
 //! How many nodes the searches of PRBVH visit.
 
 use prbvh_kernel::mem::{AtomicU32, Slot};
-use prbvh_kernel::node::Node;
+use prbvh_kernel::node::{Node, WideNode};
 use prbvh_kernel::prbvh::search::search;
-use prbvh_kernel::prbvh::{PrbvhParams, Reinsertion};
+use prbvh_kernel::prbvh::{Move, PrbvhParams};
 use prbvh_kernel::status::{FOUND, MOST_STEPS, REPORT_WORDS};
 use rayon::prelude::*;
 
@@ -40,11 +40,12 @@ impl Visits {
 /// Counts by running the kernel for one node after another.
 #[must_use]
 pub fn count(nodes: &[Node]) -> Visits {
+    let wide: &[WideNode] = bytemuck::cast_slice(nodes);
     let of_node = |v: u32| {
-        let params = PrbvhParams { count: 1, mu: 1, first: v, nodes: nodes.len() as u32, floor: 0.0 };
-        let mut found = [Reinsertion::NONE];
+        let params = PrbvhParams { count: 1, ..PrbvhParams::every(1, v, nodes.len() as u32) };
+        let mut found = [Move::NONE];
         let mut report = [0; REPORT_WORDS as usize];
-        search(v, &params, nodes, &Slot::from_mut_slice(&mut found)[0], AtomicU32::from_mut_slice(&mut report));
+        search(0, &params, wide, Slot::from_mut_slice(&mut found), AtomicU32::from_mut_slice(&mut report));
         let steps = report[MOST_STEPS];
         Visits { searches: 1, steps: steps.into(), most: steps, found: report[FOUND].into() }
     };
@@ -66,7 +67,7 @@ mod tests {
         let visits = count(&nodes);
         let mut device = CpuDevice::new(1).unwrap();
         let tree = DeviceTree::upload(&mut device, &nodes).unwrap();
-        let settings = PrbvhSettings { mu: 1, limits: Limits::iterations(1), ..PrbvhSettings::default() };
+        let settings = PrbvhSettings { mu: 1, limits: Limits::iterations(1), ..PrbvhSettings::published() };
         let outcome = prbvh(&mut device, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(())).unwrap();
         let row = outcome.rows[1];
         assert_eq!((visits.searches, visits.found, visits.most), (798, row.found.into(), row.most_steps));

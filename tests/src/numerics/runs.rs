@@ -59,10 +59,11 @@ fn table(name: &str, scenes: &[Scene]) -> Block {
         "all",
     ];
     let mut rows = vec![texts(&header)];
-    let conservative = PrbvhSettings { strategy: Strategy::Conservative, ..PrbvhSettings::default() };
+    let published =
+        |strategy| Settings { prbvh: PrbvhSettings { strategy, ..PrbvhSettings::published() }, ..Settings::default() };
     let methods = [
-        ("aggressive", Settings::default()),
-        ("conservative", Settings { prbvh: conservative, ..Settings::default() }),
+        ("aggressive", published(Strategy::Aggressive)),
+        ("conservative", published(Strategy::Conservative)),
         ("rbvh", Settings { optimizer: Optimizer::Rbvh(RbvhSettings::default()), ..Settings::default() }),
     ];
     for scene in scenes {

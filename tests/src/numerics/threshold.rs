@@ -11,7 +11,7 @@ use prbvh::pipeline::Settings;
 use prbvh::scene::Scene;
 use prbvh::stability::{Library, Subject};
 use prbvh_kernel::node::{NO_NODE, Node};
-use prbvh_kernel::prbvh::Reinsertion;
+use prbvh_kernel::prbvh::Move;
 
 /// Iterations after which a run counts as endless.
 const MANY: u32 = 50;
@@ -30,7 +30,7 @@ pub struct Offered {
 impl Offered {
     /// Judges moves by f64.
     #[must_use]
-    pub fn of(nodes: &[Node], found: &[Reinsertion]) -> Self {
+    pub fn of(nodes: &[Node], found: &[Move]) -> Self {
         let moves: Vec<(f32, f64)> = (0..)
             .zip(found)
             .filter(|(_, found)| found.output != NO_NODE)
@@ -68,7 +68,7 @@ pub fn block() -> Block {
 fn end(scene: &Scene, mut device: Box<dyn Device>) -> String {
     let epsilon = Epsilon::Absolute(0.0);
     let prbvh =
-        PrbvhSettings { mu: 1, epsilon, patience: MANY, limits: Limits::iterations(MANY), ..PrbvhSettings::default() };
+        PrbvhSettings { mu: 1, epsilon, patience: MANY, limits: Limits::iterations(MANY), ..PrbvhSettings::published() };
     let report = checked(scene, &mut *device, &Settings { prbvh, ..Settings::default() }).expect("the CPU optimises");
     let rises = report.rows.iter().filter(|row| row.measured_decrease < 0.0).count();
     let lowest = report.rows.iter().map(|row| row.exact_cost).fold(f64::INFINITY, f64::min);
