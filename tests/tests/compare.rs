@@ -69,8 +69,7 @@ fn every_method_has_its_row_and_devices_agree() {
         "obvhs default",
         "obvhs best",
         "bvh",
-        "prbvh largest first",
-        "prbvh dual",
+        "prbvh worst first",
     ] {
         assert_eq!(names(name), count, "{name}");
     }

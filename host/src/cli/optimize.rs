@@ -111,9 +111,9 @@ fn write(folder: &Path, scene: &Scene, result: &Optimized, report: &RunReport) -
 }
 
 fn log_row(row: &IterationRow) {
-    let IterationRow { iteration, mu, time_s, cost, found, owned, applied, .. } = row;
+    let IterationRow { iteration, time_s, cost, searched, found, owned, applied, .. } = row;
     tracing::info!(
-        "iteration {iteration:3}  {time_s:8.3} s  cost {cost:9.3}  found {found:7}  owned {owned:7}  applied {applied:7}  µ {mu}"
+        "iteration {iteration:3}  {time_s:8.3} s  cost {cost:9.3}  searched {searched:7}  found {found:7}  owned {owned:7}  applied {applied:7}"
     );
 }
 

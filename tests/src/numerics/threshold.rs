@@ -6,7 +6,7 @@ use super::{case, device, initial_tree, markdown, scene_of, texts};
 use crate::other_searches::{with_search, without_threshold};
 use prbvh::accuracy::area_decrease;
 use prbvh::device::Device;
-use prbvh::optimize::{Epsilon, Limits, PrbvhSettings};
+use prbvh::optimize::{Epsilon, Limits, Order, PrbvhSettings};
 use prbvh::pipeline::Settings;
 use prbvh::scene::Scene;
 use prbvh::stability::{Library, Subject};
@@ -53,7 +53,7 @@ pub fn block() -> Block {
         let nodes = initial_tree(&scene);
         let naive = |device| -> Box<dyn Device> { Box::new(with_search(device, without_threshold)) };
         let offered =
-            |device: &mut dyn Device| Offered::of(&nodes, &Library.search(&nodes, device).expect("the CPU searches"));
+            |device: &mut dyn Device| Offered::of(&nodes, &Library.search(&nodes, Order::Published, device).expect("the CPU searches"));
         let (without, with) = (offered(&mut *naive(device())), offered(&mut *device()));
         let worst = without.worst.map_or_else(|| "-".to_owned(), |(f32, f64)| format!("{f32:+.1e}, {f64:+.1e}"));
         let count = |offered: &Offered| format!("{} of {}", offered.raising, offered.moves);
