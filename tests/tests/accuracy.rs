@@ -187,7 +187,10 @@ fn a_round_that_nobody_took_note_of_is_red() {
     }
     tree.free(&mut device);
     let breaches = check.finish().unwrap().breaches;
-    assert_eq!(breaches.iter().map(|breach| (breach.iteration, breach.kind)).collect::<Vec<_>>(), [(1, BreachKind::Search)]);
+    assert_eq!(
+        breaches.iter().map(|breach| (breach.iteration, breach.kind)).collect::<Vec<_>>(),
+        [(1, BreachKind::Search)]
+    );
 }
 
 #[test]

@@ -52,7 +52,9 @@ fn json_is_one_object_and_the_hash_is_the_same_on_every_device() {
         assert!(number("final_cost") > 0.0 && number("final_cost") < 0.8 * number("initial_cost"));
         assert!(number("iterations") >= 9.0 && number("time_s") > 0.0);
         let phases = report["phases"].as_array().unwrap();
-        for label in ["morton", "sort", "hierarchy", "select", "unfold", "search", "lock", "check", "reinsert", "refit", "cost"] {
+        for label in
+            ["morton", "sort", "hierarchy", "select", "unfold", "search", "lock", "check", "reinsert", "refit", "cost"]
+        {
             assert!(phases.iter().any(|phase| phase["label"] == label && phase["calls"].as_u64() > Some(0)), "{label}");
         }
         let hash = report["tree_hash"].as_str().unwrap();
@@ -72,7 +74,9 @@ fn json_is_one_object_and_the_hash_is_the_same_on_every_device() {
 fn the_conservative_strategy_falls_as_it_says() {
     let folder = tempdir().unwrap();
     let run = |device: &str, strategy: &str| {
-        optimize(folder.path(), &["--device", device, "--order", "published", "--strategy", strategy, "--json"]).ok().json()
+        optimize(folder.path(), &["--device", device, "--order", "published", "--strategy", strategy, "--json"])
+            .ok()
+            .json()
     };
     let report = run("cpu", "conservative");
     assert_eq!(report["settings"]["strategy"], "conservative");

@@ -61,16 +61,9 @@ fn every_method_has_its_row_and_devices_agree() {
     let rows = rows(&json);
     let count = json["devices"].as_array().unwrap().len();
     let names = |name: &str| rows.iter().filter(|row| row["method"].as_str().unwrap().starts_with(name)).count();
-    for name in [
-        "lbvh",
-        "ploc r=100",
-        "sah-sweep",
-        "sah-binned",
-        "obvhs default",
-        "obvhs best",
-        "bvh",
-        "prbvh worst first",
-    ] {
+    for name in
+        ["lbvh", "ploc r=100", "sah-sweep", "sah-binned", "obvhs default", "obvhs best", "bvh", "prbvh worst first"]
+    {
         assert_eq!(names(name), count, "{name}");
     }
     assert_eq!(rows.iter().filter(|row| row["method"] == "prbvh").count(), 3 * count);

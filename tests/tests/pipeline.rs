@@ -54,7 +54,9 @@ fn trace(device: &mut dyn Device, scene: &Scene, bits: MortonBits, settings: &Pr
         costs.push(measured);
         let hash = tree_hash(&tree);
         let floats = [cost, predicted_decrease].map(f64::to_bits);
-        steps.push(format!("{iteration} {mu} {floats:x?} {searched} {visits} {found} {owned} {applied} {most_steps} {hash}"));
+        steps.push(format!(
+            "{iteration} {mu} {floats:x?} {searched} {visits} {found} {owned} {applied} {most_steps} {hash}"
+        ));
         ControlFlow::Continue(())
     })
     .unwrap();

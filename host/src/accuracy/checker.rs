@@ -2,7 +2,8 @@
 
 use super::round::check_round;
 use super::{
-    AccuracyReport, AccuracyRow, Breach, BreachKind, Changes, F32_COST_BOUND, Offer, ROUNDING, SearchAccuracy, kernel_walk, offers,
+    AccuracyReport, AccuracyRow, Breach, BreachKind, Changes, F32_COST_BOUND, Offer, ROUNDING, SearchAccuracy,
+    kernel_walk, offers,
 };
 use crate::bvh::{self, Bvh, SahModel, quality};
 use crate::device::DeviceError;
@@ -85,7 +86,8 @@ impl<'a> NumericsCheck<'a> {
             self.changes.initial = exact_cost;
         } else if let (true, Some((before, _))) = (is_round, &self.before) {
             let (cost, count) = tree.on_host(|| changed(before, &nodes));
-            self.changes = Changes { cost: self.changes.cost + cost, count: self.changes.count + count, ..self.changes };
+            self.changes =
+                Changes { cost: self.changes.cost + cost, count: self.changes.count + count, ..self.changes };
         }
         let cost_bound = if is_round { self.changes.cost_bound(exact_cost) } else { F32_COST_BOUND };
         let mut checked = AccuracyRow {

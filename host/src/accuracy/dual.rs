@@ -21,7 +21,8 @@ pub fn dual_area_decrease(nodes: &[Node], found: &Move) -> Option<f64> {
     let parent = nodes.parent(input);
     let is_output = |v: u32| v != ROOT && v != input && (v as usize) < nodes.len();
     let DualMove { first, first_output, second, second_output, .. } = dual;
-    let is_move = is_output(first_output) && first_output != parent && first_output != second && is_output(second_output);
+    let is_move =
+        is_output(first_output) && first_output != parent && first_output != second && is_output(second_output);
     if !is_move || first_output == first || second_output == second {
         return None;
     }
@@ -133,9 +134,8 @@ mod tests {
         let scene = built_in(14).triangles;
         let nodes = build::sah_binned(&SafeRange::of(&scene).apply(&scene));
         let internal = nodes.len() as u32 / 2;
-        let links: Vec<Option<[u32; 2]>> = (0..nodes.len() as u32)
-            .map(|v| (v < internal).then(|| [nodes.down(v), nodes.up(nodes.down(v))]))
-            .collect();
+        let links: Vec<Option<[u32; 2]>> =
+            (0..nodes.len() as u32).map(|v| (v < internal).then(|| [nodes.down(v), nodes.up(nodes.down(v))])).collect();
         let before = total(&nodes, &links);
         let above = |v: u32| std::iter::successors(Some(v), |&v| (v != ROOT).then(|| nodes.parent(v)));
         let mut moves = 0;
@@ -179,9 +179,7 @@ mod tests {
         let input = (1..internal).find(|&v| is_deep(v) && nodes.down(v) < internal).unwrap();
         let (parent, left) = (nodes.parent(input), nodes.down(input));
         let place = nodes.sibling(parent);
-        let of = |input, output, other| {
-            dual_area_decrease(&nodes, &Move { area_decrease: 1.0, input, output, other })
-        };
+        let of = |input, output, other| dual_area_decrease(&nodes, &Move { area_decrease: 1.0, input, output, other });
         assert!(of(input, place, place).is_some() && of(input, place, left).is_some());
         for (input, output, other) in [
             (ROOT, place, place),

@@ -69,7 +69,11 @@ fn search_again(input: u32, params: &DualParams, nodes: &[Node]) -> Move {
 
 /// Whether a device found this, and perhaps made it.
 fn is_same(expected: &Move, found: &Move) -> bool {
-    if expected.output == NO_NODE { found.output == NO_NODE } else { Move { input: found.input(), ..*found } == *expected }
+    if expected.output == NO_NODE {
+        found.output == NO_NODE
+    } else {
+        Move { input: found.input(), ..*found } == *expected
+    }
 }
 
 /// There is no walk whose sum could drift: both sums are the direct one.

@@ -46,10 +46,12 @@ pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
     // Only the check wants the tree of each row, and pays for it.
     let result = match &mut check {
         None => pipeline::optimize_by(plan, &scene, &mut *device, &settings, &mut |row| seen(row)),
-        Some(check) => pipeline::optimize_watched(plan, &scene, &mut *device, &settings, &mut |row, tree| match seen(row) {
-            ControlFlow::Continue(()) => check.observe(row, tree),
-            stop => stop,
-        }),
+        Some(check) => {
+            pipeline::optimize_watched(plan, &scene, &mut *device, &settings, &mut |row, tree| match seen(row) {
+                ControlFlow::Continue(()) => check.observe(row, tree),
+                stop => stop,
+            })
+        }
     };
     log.end_bar();
     let result = result?;

@@ -205,7 +205,8 @@ impl Decide<'_> {
             return Ok(item(Omission::MoreLocks, Status::Needed, why));
         }
         let mut item = item(Omission::MoreLocks, Status::LeftOut, "the settings have one round");
-        let two = PrbvhSettings { worst_first: WorstFirst { lock_rounds: 2, ..worst_first }, ..self.settings.prbvh.clone() };
+        let two =
+            PrbvhSettings { worst_first: WorstFirst { lock_rounds: 2, ..worst_first }, ..self.settings.prbvh.clone() };
         let two = self.optimize(two, self.info.atomics_64, ITERATIONS)?;
         let one = &self.taken[optimizer_of(&self.settings.prbvh)];
         item.saved.dispatches_per_iteration = (two.dispatches - one.dispatches) / u64::from(ITERATIONS);

@@ -218,13 +218,7 @@ impl Variants<'_> {
         Ok(())
     }
 
-    fn moves(
-        &self,
-        row: &mut Row,
-        trees: &[&Bvh],
-        order: Order,
-        device: &mut dyn Device,
-    ) -> Result<(), RunError> {
+    fn moves(&self, row: &mut Row, trees: &[&Bvh], order: Order, device: &mut dyn Device) -> Result<(), RunError> {
         let mut count = 0;
         for (tree, which) in trees.iter().zip(["initial", "final"]) {
             let nodes = working_nodes(&self.ready.scene, tree)?;
