@@ -8,6 +8,7 @@ use prbvh::optimize::{CurrentTree, IterationRow, Order, PrbvhSettings, RbvhSetti
 use prbvh::pipeline::{Optimizer, Settings};
 use prbvh::scene::{SafeRange, built_in};
 use prbvh_kernel::Kernel;
+use prbvh_kernel::cost::CostParams;
 use prbvh_kernel::prbvh::Move;
 use prbvh_kernel::status::{FOUND, PREDICTED};
 use prbvh_tests::command::run;
@@ -109,8 +110,10 @@ fn corrupt_areas(part: f32) -> [BTreeSet<String>; 3] {
         if dispatch.count == 1 {
             return Ok(());
         }
+        let params: CostParams = bytemuck::pod_read_unaligned(&dispatch.push);
         change(device, &dispatch.buffers[2], |partial: &mut [f32]| {
-            partial[..dispatch.count as usize].iter_mut().for_each(|sum| *sum *= 1.0 + part);
+            let sums = &mut partial[params.to as usize..][..dispatch.count as usize];
+            sums.iter_mut().for_each(|sum| *sum *= 1.0 + part);
         })
     })
 }
