@@ -149,7 +149,7 @@ fn worst_first_ends_below_the_published_order_and_is_the_same_everywhere() {
     let scene = built_in(6000);
     let cost = |settings: &Settings| run(&scene, settings, u32::MAX).quality.sah_cost;
     let (published, worst_first) = (cost(&published()), cost(&Settings::default()));
-    assert!(worst_first < 0.995 * published, "{worst_first} against {published}");
+    assert!(worst_first < published, "{worst_first} against {published}");
     let scenes = [
         ("soup", soup(2000, 0.2, 8)),
         ("grid", grid(30)),

@@ -6,7 +6,7 @@ use crate::optimize::{DualRound, IterationRow};
 use prbvh_kernel::mem::AtomicU32;
 use prbvh_kernel::node::{NO_NODE, Node, ROOT};
 use prbvh_kernel::prbvh::dual::search::{DualParams, search};
-use prbvh_kernel::prbvh::{Move, WON};
+use prbvh_kernel::prbvh::Move;
 use prbvh_kernel::status::REPORT_WORDS;
 use prbvh_kernel::sum::scale_of;
 use rayon::prelude::*;
@@ -30,20 +30,22 @@ pub(super) fn check_round(before: &[Node], row: &IterationRow, round: &DualRound
     let params = DualParams { row: 0, ..round.params };
     let again = |(&input, found): (&u32, &Move)| (search_again(input, &params, before), *found);
     let pairs: Vec<(Move, Move)> = round.inputs.par_iter().zip(&round.found).map(again).collect();
-    if let Some((expected, found)) = pairs.iter().find(|(expected, found)| !is_same(expected, found)) {
+    // A move that met taken nodes is none by now; that it was found, the count below tells.
+    let differs = |(expected, found): &&(Move, Move)| found.output != NO_NODE && !is_same(expected, found);
+    if let Some((expected, found)) = pairs.iter().find(differs) {
         fault(BreachKind::Search, format!("the search found {found:?}, and {expected:?} on the host"));
     }
-    let found: Vec<&Move> = round.found.iter().filter(|found| found.output != NO_NODE).collect();
-    let offers: Vec<Option<Offer>> = found.par_iter().map(|found| offer(before, found)).collect();
-    for (found, _) in found.iter().zip(&offers).filter(|(_, offer)| offer.is_none()).take(1) {
-        fault(BreachKind::Search, format!("{found:?} is no move"));
+    let offered: Vec<&(Move, Move)> = pairs.iter().filter(|(expected, _)| expected.output != NO_NODE).collect();
+    let offers: Vec<Option<Offer>> = offered.par_iter().map(|(expected, found)| offer(before, expected, found)).collect();
+    if let Some(((expected, _), _)) = offered.iter().zip(&offers).find(|(_, offer)| offer.is_none()) {
+        fault(BreachKind::Search, format!("{expected:?} is no move"));
     }
     let offers: Vec<Offer> = offers.into_iter().flatten().collect();
     if let Some(Offer { input, direct, exact, .. }) = offers.iter().find(|offer| !is_held(offer)) {
         fault(BreachKind::Offer, format!("a move of {input} is offered for {direct:e}, in f64 it is worth {exact:e}"));
     }
-    let won: Vec<&&Move> = found.iter().filter(|found| found.input & WON != 0).collect();
-    let counts = [found.len(), won.len(), won.len()];
+    let won: Vec<&Move> = round.found.iter().filter(|found| found.has_won()).collect();
+    let counts = [offered.len(), won.len(), won.len()];
     if counts != [row.found, row.owned, row.applied].map(|count| count as usize) {
         let what = format!("{} moves found, {} owned, {} applied", row.found, row.owned, row.applied);
         fault(BreachKind::Search, format!("{what}, but there are {counts:?}"));
@@ -67,8 +69,12 @@ fn search_again(input: u32, params: &DualParams, nodes: &[Node]) -> Move {
     search(input, params, nodes, AtomicU32::from_mut_slice(&mut report))
 }
 
-/// Whether a device found this, and perhaps made it.
+/// Whether a device found this, and perhaps made it: then the kernel that made it has left other nodes in place of the outputs.
 fn is_same(expected: &Move, found: &Move) -> bool {
+    if found.has_won() {
+        let worth = |found: &Move| (found.input(), found.area_decrease.to_bits());
+        return expected.output != NO_NODE && worth(expected) == worth(found);
+    }
     if expected.output == NO_NODE {
         found.output == NO_NODE
     } else {
@@ -77,10 +83,10 @@ fn is_same(expected: &Move, found: &Move) -> bool {
 }
 
 /// There is no walk whose sum could drift: both sums are the direct one.
-fn offer(nodes: &[Node], found: &Move) -> Option<Offer> {
-    let exact = dual_area_decrease(nodes, found)?;
-    let direct = found.area_decrease;
-    Some(Offer { input: found.input(), output: found.output, walked: direct, direct, exact })
+fn offer(nodes: &[Node], expected: &Move, found: &Move) -> Option<Offer> {
+    let exact = dual_area_decrease(nodes, expected)?;
+    let direct = if found.output == NO_NODE { expected.area_decrease } else { found.area_decrease };
+    Some(Offer { input: expected.input, output: expected.output, walked: direct, direct, exact })
 }
 
 /// An offer must lower the sum of areas in f64, and be right to a factor of two: roundings are less than itself, or the search
