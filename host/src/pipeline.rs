@@ -299,8 +299,9 @@ fn run(
             let mut settings = settings.prbvh.clone();
             settings.limits.target_cost = below(settings.limits.target_cost);
             settings.worst_first.row_by_row |= row_by_row;
+            let last_search = device.last_search();
             prbvh_from(device, &tree, areas, &settings, &mut |row, tree, device| {
-                observe(row, CurrentTree::Device(tree, device))
+                observe(row, CurrentTree::Device(tree, device, last_search.borrow().clone()))
             })?
         }
         Optimizer::Rbvh(settings) => {

@@ -3,12 +3,11 @@
 use prbvh::build::MortonBits;
 use prbvh::bvh::{Bvh, BvhNode, Content, NO_NODE, tree_hash};
 use prbvh::device::cpu::CpuDevice;
-use prbvh::device::{self, Command, Device, DeviceError, DeviceInfo, DeviceKind, Recording, Timing};
-use prbvh::optimize::Order as SearchOrder;
+use prbvh::device::{self, Command, Device, DeviceError, DeviceInfo, Recording, Timing};
 use prbvh::pipeline::{Settings, optimize};
 use prbvh::render::{Camera, RenderSettings, render};
 use prbvh::scene::Scene;
-use prbvh::stability::{Method, methods};
+use prbvh::stability::methods;
 use prbvh::trace::{NO_TRIANGLE, Query, Ray, TraceScene, trace};
 use prbvh_cpu_sim::Order;
 use prbvh_kernel::Kernel;
@@ -36,9 +35,9 @@ struct Noting {
 }
 
 impl Noting {
-    fn new(order: Order, kind: DeviceKind, atomics_64: bool) -> Self {
+    fn new(order: Order, atomics_64: bool) -> Self {
         let device = CpuDevice::with_order(order, 2).unwrap();
-        let info = DeviceInfo { kind, atomics_64, ..device.info().clone() };
+        let info = DeviceInfo { atomics_64, ..device.info().clone() };
         Self { device, order, info, ran: BTreeSet::new() }
     }
 }
@@ -102,33 +101,20 @@ fn comb(triangles: &[Triangle]) -> Bvh {
 
 /// Whether the method runs under Miri, which takes a minute for each: one of those with the same kernels, and on two threads, which take it
 /// several, one with climbs and locks.
-fn is_followed(name: &str, order: Order, kind: DeviceKind, atomics_64: bool) -> bool {
-    if kind == DeviceKind::VulkanCpu {
-        return order != Order::Parallel && name.ends_with("largest-first-9");
-    }
+fn is_followed(name: &str, order: Order, atomics_64: bool) -> bool {
     if order == Order::Parallel {
-        return atomics_64 && name == "prbvh-9+adaptive";
+        return atomics_64 && name == "worst-first+adaptive";
     }
-    let locks = ["prbvh-9", "conservative-9", "dual-9"].contains(&name);
-    locks
-        || atomics_64
-            && ["largest-first-9", "conservative-largest-first-9", "atrbvh", "ploc", "prbvh-9+adaptive"].contains(&name)
-}
-
-/// The one pair of settings with kernels of its own that no method has.
-fn conservative_largest_first() -> Method {
-    let mut method = methods().into_iter().find(|method| method.name == "conservative-9").unwrap();
-    method.name = "conservative-largest-first-9";
-    method.settings.prbvh.order = SearchOrder::LargestFirst;
-    method
+    let locks = ["worst-first", "prbvh-9", "conservative-9"].contains(&name);
+    locks || atomics_64 && ["atrbvh", "ploc", "worst-first+adaptive"].contains(&name)
 }
 
 /// The methods on the smallest scene; the hashes of their trees by method.
 fn trees(device: &mut Noting) -> BTreeMap<String, String> {
     let scene = smallest();
     let mut hashes = BTreeMap::new();
-    for method in methods().into_iter().chain([conservative_largest_first()]) {
-        if cfg!(miri) && !is_followed(method.name, device.order, device.info.kind, device.info.atomics_64) {
+    for method in methods() {
+        if cfg!(miri) && !is_followed(method.name, device.order, device.info.atomics_64) {
             continue;
         }
         for morton_bits in [MortonBits::Sixty, MortonBits::Thirty] {
@@ -136,7 +122,7 @@ fn trees(device: &mut Noting) -> BTreeMap<String, String> {
             let made = optimize(&scene, device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
             println!("{}: {}, {morton_bits:?}", device.info.name, method.name);
             hashes.insert(format!("{}, {morton_bits:?}", method.name), tree_hash(&made.tree));
-            if cfg!(miri) && method.name != "prbvh-9" {
+            if cfg!(miri) && method.name != "worst-first" {
                 break;
             }
         }
@@ -179,18 +165,17 @@ fn every_kernel_runs_and_every_order_gives_the_same() {
     let mut expected = BTreeMap::new();
     let mut ran = BTreeSet::new();
     for &order in ORDERS {
-        // The second searches in lanes.
-        for (kind, atomics_64) in [(DeviceKind::Cpu, true), (DeviceKind::VulkanCpu, true), (DeviceKind::Cpu, false)] {
-            let mut device = Noting::new(order, kind, atomics_64);
+        for atomics_64 in [true, false] {
+            let mut device = Noting::new(order, atomics_64);
             let mut made = trees(&mut device);
             // Rays meet no locks.
-            if kind == DeviceKind::Cpu && atomics_64 && !(cfg!(miri) && order == Order::Parallel) {
+            if atomics_64 && !(cfg!(miri) && order == Order::Parallel) {
                 made.insert("rays".to_owned(), format!("{:?}", rays(&mut device)));
             }
             assert_eq!(device.memory().bytes, 0);
             for (what, new) in made {
                 let first = expected.entry(what.clone()).or_insert_with(|| new.clone());
-                assert_eq!(*first, new, "{what}: {order:?}, {kind:?}, 64-bit atomics: {atomics_64}");
+                assert_eq!(*first, new, "{what}: {order:?}, 64-bit atomics: {atomics_64}");
             }
             ran.extend(device.ran);
         }

@@ -57,8 +57,8 @@ fn mu_beyond_the_nodes_and_a_radius_beyond_the_triangles_work() {
         assert!(last < initial, "{arguments:?}: {initial}, then {last}");
     };
     // One node or none an iteration: what stops it is the limit of iterations.
-    optimized(&["--mu", "2000"]);
-    optimized(&["--mu", "4294967295", "--max-iterations", "2000"]);
+    optimized(&["--order", "published", "--mu", "2000"]);
+    optimized(&["--order", "published", "--mu", "4294967295", "--max-iterations", "2000"]);
     optimized(&["--initial", "ploc", "--radius", "10000"]);
 }
 

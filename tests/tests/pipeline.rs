@@ -3,7 +3,7 @@
 use prbvh::build::{MortonBits, lbvh};
 use prbvh::bvh::{Bvh, quality, tree_hash, validate};
 use prbvh::device::Device;
-use prbvh::optimize::{Epsilon, IterationRow, Limits, MoveKind, PrbvhSettings, StopReason, Strategy, prbvh};
+use prbvh::optimize::{Epsilon, IterationRow, Limits, Order, PrbvhSettings, StopReason, Strategy, WorstFirst, prbvh};
 use prbvh::pipeline::{Settings, optimize};
 use prbvh::scene::{SafeRange, Scene, built_in};
 use prbvh_kernel::setup::Triangle;
@@ -21,22 +21,31 @@ fn prediction_fault(before: f64, after: f64, predicted: f64) -> Option<String> {
     (falls < 0.0 || !as_predicted).then(|| format!("{before} falls by {falls}, not by {predicted}"))
 }
 
+/// Each round by itself.
+fn by_rows(settings: &PrbvhSettings) -> PrbvhSettings {
+    let worst_first = WorstFirst { row_by_row: true, ..settings.worst_first };
+    PrbvhSettings { worst_first, ..settings.clone() }
+}
+
 /// Row and tree hash after each iteration, and the tree that is kept.
 fn trace(device: &mut dyn Device, scene: &Scene, bits: MortonBits, settings: &PrbvhSettings) -> Vec<String> {
     let triangles = SafeRange::of(&scene.triangles).apply(&scene.triangles);
     let (tree, _) = lbvh(device, &triangles, bits).unwrap();
     let mut steps = Vec::new();
     let mut costs = Vec::new();
+    // Else the observer finds the tree of a later row.
+    let settings = &by_rows(settings);
     let outcome = prbvh(device, &tree, settings, &mut |row: &IterationRow, tree, device| {
         let nodes = tree.download(device).unwrap();
         let tree = Bvh::from_device(&nodes).unwrap_or_else(|faults| panic!("{faults:?}"));
         validate(&tree, Some(&triangles)).unwrap_or_else(|faults| panic!("{faults:?}"));
-        let IterationRow { iteration, mu, cost, predicted_decrease, found, owned, applied, most_steps, .. } = *row;
-        assert!(applied <= owned && owned <= found);
+        let IterationRow { iteration, mu, cost, predicted_decrease, searched, visits, .. } = *row;
+        let IterationRow { found, owned, applied, most_steps, .. } = *row;
+        assert!(applied <= owned && owned <= found && found <= searched);
         assert_eq!(predicted_decrease > 0.0, applied > 0, "{row:?}");
         let measured = quality(&tree, &Default::default()).sah_cost;
         assert!((cost / measured - 1.0).abs() < 1e-5, "device says {cost}, f64 says {measured}");
-        let adds_up = (settings.strategy, settings.moves) == (Strategy::Conservative, MoveKind::Single);
+        let adds_up = (settings.order, settings.strategy) == (Order::Published, Strategy::Conservative);
         if let (true, Some(before)) = (adds_up, costs.last())
             && let Some(fault) = prediction_fault(*before, measured, predicted_decrease)
         {
@@ -45,7 +54,9 @@ fn trace(device: &mut dyn Device, scene: &Scene, bits: MortonBits, settings: &Pr
         costs.push(measured);
         let hash = tree_hash(&tree);
         let floats = [cost, predicted_decrease].map(f64::to_bits);
-        steps.push(format!("{iteration} {mu} {floats:x?} {found} {owned} {applied} {most_steps} {hash}"));
+        steps.push(format!(
+            "{iteration} {mu} {floats:x?} {searched} {visits} {found} {owned} {applied} {most_steps} {hash}"
+        ));
         ControlFlow::Continue(())
     })
     .unwrap();
@@ -78,15 +89,26 @@ fn same_everywhere(scene: &Scene, bits: MortonBits, settings: &PrbvhSettings) ->
 
 #[test]
 fn the_built_in_scene_is_the_same_everywhere_after_every_iteration() {
-    let steps = same_everywhere(&built_in(6000), MortonBits::Sixty, &PrbvhSettings::default());
-    assert!(steps.len() > 10, "{} steps", steps.len());
+    for settings in [PrbvhSettings::default(), PrbvhSettings::published()] {
+        let steps = same_everywhere(&built_in(6000), MortonBits::Sixty, &settings);
+        assert!(steps.len() > 10, "{}: {} steps", settings.order, steps.len());
+    }
 }
 
 #[test]
 fn other_settings_are_the_same_everywhere() {
     let scene = Scene::from_triangles("soup", soup(1500, 0.2, 1)).unwrap();
     for mu in [1, 4, 5000] {
-        let settings = PrbvhSettings { mu, limits: Limits::iterations(12), ..PrbvhSettings::default() };
+        let settings = PrbvhSettings { mu, limits: Limits::iterations(12), ..PrbvhSettings::published() };
+        same_everywhere(&scene, MortonBits::Thirty, &settings);
+    }
+    let usual = WorstFirst::default();
+    for worst_first in [
+        WorstFirst { first: 1, growth: 1.0, tail_part: 0.0, ..usual },
+        WorstFirst { first: 5000, lock_rounds: 1, ..usual },
+        WorstFirst { most_part: 1.0, growth: 4.0, lock_rounds: 5, climb: 0, slack: 1.0, tail_part: 1.0, ..usual },
+    ] {
+        let settings = PrbvhSettings { worst_first, limits: Limits::iterations(30), ..PrbvhSettings::default() };
         same_everywhere(&scene, MortonBits::Thirty, &settings);
     }
 }
@@ -96,14 +118,15 @@ fn tiny_scenes_are_the_same_everywhere() {
     for n in [1, 2, 3, 4, 5] {
         let scene = Scene::from_triangles("tiny", soup(n, 0.2, n as u64)).unwrap();
         for strategy in [Strategy::Aggressive, Strategy::Conservative] {
-            same_everywhere(&scene, MortonBits::Sixty, &PrbvhSettings { strategy, ..PrbvhSettings::default() });
+            same_everywhere(&scene, MortonBits::Sixty, &PrbvhSettings { strategy, ..PrbvhSettings::published() });
         }
+        same_everywhere(&scene, MortonBits::Sixty, &PrbvhSettings::default());
     }
 }
 
 #[test]
 fn the_conservative_strategy_falls_as_predicted_and_is_the_same_everywhere() {
-    let conservative = PrbvhSettings { strategy: Strategy::Conservative, ..PrbvhSettings::default() };
+    let conservative = PrbvhSettings { strategy: Strategy::Conservative, ..PrbvhSettings::published() };
     let steps = same_everywhere(&built_in(6000), MortonBits::Sixty, &conservative);
     assert!(steps.len() > 10 && steps[steps.len() - 1].starts_with("Converged"), "{:?}", steps.last());
     let scenes = [
@@ -122,13 +145,11 @@ fn the_conservative_strategy_falls_as_predicted_and_is_the_same_everywhere() {
 }
 
 #[test]
-fn dual_moves_end_below_single_ones_and_are_the_same_everywhere() {
-    let dual = PrbvhSettings { moves: MoveKind::Dual, ..PrbvhSettings::default() };
-    let settings = |prbvh: &PrbvhSettings| Settings { prbvh: prbvh.clone(), ..Settings::default() };
+fn worst_first_ends_below_the_published_order_and_is_the_same_everywhere() {
     let scene = built_in(6000);
-    let cost = |prbvh: &PrbvhSettings| run(&scene, &settings(prbvh), u32::MAX).quality.sah_cost;
-    let (single_cost, dual_cost) = (cost(&PrbvhSettings::default()), cost(&dual));
-    assert!(dual_cost < 0.995 * single_cost, "{dual_cost} against {single_cost}");
+    let cost = |settings: &Settings| run(&scene, settings, u32::MAX).quality.sah_cost;
+    let (published, worst_first) = (cost(&published()), cost(&Settings::default()));
+    assert!(worst_first < published, "{worst_first} against {published}");
     let scenes = [
         ("soup", soup(2000, 0.2, 8)),
         ("grid", grid(30)),
@@ -138,22 +159,39 @@ fn dual_moves_end_below_single_ones_and_are_the_same_everywhere() {
     ];
     for (name, triangles) in scenes {
         let scene = Scene::from_triangles(name, triangles).unwrap();
-        for (mu, strategy) in [(1, Strategy::Aggressive), (9, Strategy::Aggressive), (4, Strategy::Conservative)] {
-            let settings = PrbvhSettings { mu, strategy, limits: Limits::iterations(20), ..dual.clone() };
-            same_everywhere(&scene, MortonBits::Sixty, &settings);
-        }
+        same_everywhere(&scene, MortonBits::Sixty, &PrbvhSettings::default());
+    }
+}
+
+/// The first rounds of a run are several to a submission, unless somebody wants the tree of each.
+#[test]
+fn rounds_that_run_together_are_those_that_run_one_by_one() {
+    let scene = built_in(6000);
+    for limit in [1, 3, 8, 1000] {
+        let together = PrbvhSettings { limits: Limits::iterations(limit), ..PrbvhSettings::default() };
+        let [together, one_by_one] = [together.clone(), by_rows(&together)].map(|prbvh| {
+            let result = run(&scene, &Settings { prbvh, ..Settings::default() }, u32::MAX);
+            let timeless = |row: &IterationRow| IterationRow { time_s: 0.0, device_s: 0.0, ..*row };
+            let rows: Vec<_> = result.outcome.rows.iter().map(timeless).collect();
+            (rows, tree_hash(&result.tree))
+        });
+        assert_eq!(together, one_by_one, "{limit} rounds at most");
     }
 }
 
 #[test]
 fn the_aggressive_strategy_does_not_fall_as_predicted() {
-    let result = run(&built_in(6000), &Settings::default(), u32::MAX);
+    let result = run(&built_in(6000), &published(), u32::MAX);
     let faults = result
         .outcome
         .rows
         .windows(2)
         .filter_map(|rows| prediction_fault(rows[0].cost, rows[1].cost, rows[1].predicted_decrease));
     assert!(faults.count() > 5);
+}
+
+fn published() -> Settings {
+    Settings { prbvh: PrbvhSettings::published(), ..Settings::default() }
 }
 
 fn run(scene: &Scene, settings: &Settings, stop_at: u32) -> prbvh::pipeline::Optimized {
@@ -198,7 +236,7 @@ fn limits_end_a_run() {
 #[test]
 fn an_epsilon_of_zero_ends() {
     let scene = Scene::from_triangles("soup", soup(300, 0.2, 3)).unwrap();
-    let mut settings = Settings::default();
+    let mut settings = published();
     settings.prbvh.epsilon = Epsilon::Absolute(0.0);
     assert_eq!(run(&scene, &settings, u32::MAX).outcome.stop, StopReason::Converged);
 }

@@ -4,7 +4,7 @@ use prbvh::build::{CodeCensus, Codes, DEFAULT_RADIUS, MortonBits, TreeletSize, a
 use prbvh::collapse::CollapseSettings;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{Device, DeviceInfo};
-use prbvh::optimize::{Limits, PrbvhSettings, Strategy};
+use prbvh::optimize::{Limits, PrbvhSettings, Strategy, WorstFirst};
 use prbvh::pipeline::{Initial, Optimizer, PipelineError, Settings, optimize, optimize_by};
 use prbvh::plan::{DeviceCode, Omission, Plan, PlanMismatch, Status};
 use prbvh::scene::Scene;
@@ -157,6 +157,12 @@ fn a_collapse_that_matters_is_not_left_out() {
     }
 }
 
+/// Worst first, and the published order with both strategies.
+fn orders() -> [PrbvhSettings; 3] {
+    let conservative = PrbvhSettings { strategy: Strategy::Conservative, ..PrbvhSettings::published() };
+    [PrbvhSettings::default(), PrbvhSettings::published(), conservative]
+}
+
 #[test]
 fn a_run_takes_the_memory_that_its_plan_says() {
     let initials = [
@@ -167,9 +173,9 @@ fn a_run_takes_the_memory_that_its_plan_says() {
     ];
     for (n, initial) in [1, 2, 3, 700, 20_000].into_iter().flat_map(|n| initials.clone().map(|initial| (n, initial))) {
         let scene = Scene::from_triangles("soup", soup(n, 0.1, 6)).unwrap();
-        for strategy in [Strategy::Aggressive, Strategy::Conservative] {
+        for order in orders() {
             for adaptive in [None, Some(CollapseSettings { max_leaf: Some(2), ..CollapseSettings::default() })] {
-                let prbvh = PrbvhSettings { strategy, limits: Limits::iterations(2), ..PrbvhSettings::default() };
+                let prbvh = PrbvhSettings { limits: Limits::iterations(2), ..order.clone() };
                 let settings = Settings { initial: initial.clone(), prbvh, adaptive, ..Settings::default() };
                 let mut device = CpuDevice::new(2).unwrap();
                 let result = optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
@@ -177,7 +183,7 @@ fn a_run_takes_the_memory_that_its_plan_says() {
                 let (said, taken) = (said.unwrap(), device.memory().peak_bytes);
                 // Only the collapse does not know beforehand how many nodes it keeps: at most two more per triangle.
                 let unknown = if result.plan.collapses { 2 * n as u64 * size_of::<Node>() as u64 } else { 0 };
-                assert!((taken..=taken + unknown).contains(&said), "{n} {initial} {strategy}: {said}, not {taken}");
+                assert!((taken..=taken + unknown).contains(&said), "{n} {initial} {order:?}: {said}, not {taken}");
             }
         }
     }
@@ -225,12 +231,35 @@ fn a_plan_follows_the_settings() {
     let left_out = |arguments: &[&str], what: &str| {
         omissions(&planned("soup", &scene, arguments)).contains(&format!("left-out {what}"))
     };
-    assert!(left_out(&[], "paths") && !left_out(&["--strategy", "conservative"], "paths"));
+    let published = ["--order", "published"];
+    assert!(left_out(&published, "paths"));
+    assert!(!left_out(&["--order", "published", "--strategy", "conservative"], "paths"));
+    assert!(left_out(&[], "untouched") && !left_out(&published, "untouched"));
     assert!(!left_out(&["--leaves", "adaptive"], "collapse"));
     assert!(left_out(&["--leaves", "adaptive", "--max-leaf", "1"], "collapse"));
     assert!(left_out(&["--initial", "sah-sweep"], "codes") && !left_out(&[], "codes"));
     assert!(left_out(&["--optimizer", "none"], "device-optimizer"));
     assert!(left_out(&["--morton-bits", "30"], "lower-codes"));
+}
+
+#[test]
+fn a_plan_of_worst_first_follows_its_settings_and_the_scene() {
+    let device = CpuDevice::new(1).unwrap();
+    let status = |triangles, worst_first, omission| {
+        let scene = Scene::from_triangles("soup", soup(triangles, 0.1, 4)).unwrap();
+        let prbvh = PrbvhSettings { worst_first, ..PrbvhSettings::default() };
+        let settings = Settings { prbvh, ..Settings::default() };
+        let plan = Plan::of(&scene, device.info(), &settings, &[]).unwrap();
+        let item = plan.items.iter().find(|item| item.omission == omission).unwrap();
+        (item.status, item.saved.dispatches_per_iteration)
+    };
+    let usual = WorstFirst::default();
+    assert_eq!(status(4, usual, Omission::Tail), (Status::Needed, 0));
+    assert_eq!(status(3, usual, Omission::Tail), (Status::NoneThere, 0));
+    assert_eq!(status(4, WorstFirst { tail_part: 0.0, ..usual }, Omission::Tail), (Status::LeftOut, 0));
+    assert_eq!(status(4, usual, Omission::MoreLocks), (Status::Needed, 0));
+    // A lock and a check.
+    assert_eq!(status(4, WorstFirst { lock_rounds: 1, ..usual }, Omission::MoreLocks), (Status::LeftOut, 2));
 }
 
 #[test]
@@ -243,7 +272,7 @@ fn the_report_of_a_run_has_the_items_of_its_plan() {
     let left_out = report["plan_items"].as_array().unwrap().iter().filter(|item| item["status"] == "left-out").count();
     assert!(left_out > 0 && report["plan"].as_array().unwrap().len() == left_out);
     let table = run(PRBVH, folder.path(), &["plan", "few.obj", "--device", "cpu"]).ok().stdout;
-    for part in ["few on CPU", "ratio of extents", "optimise, aggressive", "left out", "paths of the", "none there"] {
+    for part in ["few on CPU", "ratio of extents", "optimise, worst first", "left out", "keys of nodes", "none there"] {
         assert!(table.contains(part), "{part} is missing in {table}");
     }
     run(PRBVH, folder.path(), &["plan", "few.obj", "--out", "x"]).refused(&["--out is for `prbvh optimize`"]);
@@ -256,10 +285,9 @@ fn locks_are_planned_by_the_device() {
         let info = DeviceInfo { atomics_64, ..CpuDevice::new(1).unwrap().info().clone() };
         let plan = Plan::of(&scene, &info, &Settings::default(), &[]).unwrap();
         let lock = plan.items.iter().find(|item| item.omission == Omission::LockWord).unwrap();
-        assert_eq!(
-            (lock.status == Status::LeftOut, lock.saved.dispatches_per_iteration),
-            (atomics_64, atomics_64.into())
-        );
+        // One of each round of locks.
+        let saved = if atomics_64 { Settings::default().prbvh.worst_first.lock_rounds.into() } else { 0 };
+        assert_eq!((lock.status == Status::LeftOut, lock.saved.dispatches_per_iteration), (atomics_64, saved));
     }
 }
 
@@ -312,23 +340,21 @@ fn a_run_takes_the_kernels_of_its_plan_and_no_others() {
     ];
     let scenes = [("soup", soup(700, 0.1, 6)), ("copies", soup(1, 0.1, 6).repeat(300)), ("one", soup(1, 0.1, 6))];
     // Those that the data decide about.
-    let by_data = ["snapshot_restore", "collapse_jump"];
+    let by_data = ["kept_restore", "refit_climb", "collapse_jump"];
     with_devices(|devices| {
         for ((name, triangles), initial) in
             scenes.iter().flat_map(|scene| initials.clone().map(|initial| (scene, initial)))
         {
             let scene = Scene::from_triangles(*name, triangles.clone()).unwrap();
-            for (strategy, optimizer) in [
-                (Strategy::Aggressive, Optimizer::Prbvh),
-                (Strategy::Conservative, Optimizer::Prbvh),
-                (Strategy::Aggressive, Optimizer::None),
-            ] {
-                let prbvh = PrbvhSettings { strategy, limits: Limits::iterations(30), ..PrbvhSettings::default() };
+            let runs = orders().map(|order| (order, Optimizer::Prbvh));
+            for (order, optimizer) in runs.into_iter().chain([(PrbvhSettings::default(), Optimizer::None)]) {
+                let prbvh = PrbvhSettings { limits: Limits::iterations(30), ..order };
+                let how = format!("{}, {}", prbvh.order, prbvh.strategy);
                 let settings = Settings { initial: initial.clone(), prbvh, optimizer, ..settings(Some(2)) };
                 for (device_name, device) in &mut *devices {
                     let result =
                         optimize(&scene, &mut **device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
-                    let what = format!("{name}, {initial}, {strategy}, {} on {device_name}", settings.optimizer);
+                    let what = format!("{name}, {initial}, {how}, {} on {device_name}", settings.optimizer);
                     let plan = &result.plan;
                     assert_eq!(plan.unplanned(&result.ran), Vec::<&str>::new(), "{what}");
                     let ran = DeviceCode::of(&result.ran, device.info());

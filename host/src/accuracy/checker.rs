@@ -1,30 +1,51 @@
 //! The check of a run, fed with its iterations.
 
-use super::{AccuracyReport, AccuracyRow, Breach, BreachKind, F32_COST_BOUND, Offer, SearchAccuracy};
-use super::{kernel_walk, offers};
+use super::round::check_round;
+use super::{
+    AccuracyReport, AccuracyRow, Breach, BreachKind, Changes, F32_COST_BOUND, Offer, ROUNDING, SearchAccuracy,
+    kernel_walk, offers,
+};
 use crate::bvh::{self, Bvh, SahModel, quality};
 use crate::device::DeviceError;
-use crate::optimize::{CurrentTree, IterationRow, Order, Strategy};
+use crate::optimize::{CurrentTree, DualRound, IterationRow, Order, Strategy};
 use crate::pipeline::{Optimizer, Settings};
 use crate::scene::Scene;
 use prbvh_kernel::node::{Node, ROOT};
 use prbvh_kernel::prbvh::PrbvhParams;
 use std::ops::ControlFlow;
 
-/// Largest relative error of one f32 rounding.
-const ROUNDING: f64 = 1.0 / (1 << 24) as f64;
-
 /// Roundings in a predicted decrease beside those of its terms: 2 of the sum, 5 of the root's area, the rest for their products.
 const PREDICTION_ROUNDINGS: f64 = 8.0;
+
+/// What searches on the device.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Searches {
+    /// Nothing: another optimiser runs, or none.
+    None,
+    /// The published order.
+    Published(Strategy),
+    /// Rounds of dual moves.
+    WorstFirst,
+}
+
+impl Searches {
+    fn of(settings: &Settings) -> Self {
+        match (&settings.optimizer, settings.prbvh.order) {
+            (Optimizer::Prbvh, Order::Published) => Self::Published(settings.prbvh.strategy),
+            (Optimizer::Prbvh, Order::WorstFirst) => Self::WorstFirst,
+            (Optimizer::Rbvh(_) | Optimizer::None, _) => Self::None,
+        }
+    }
+}
 
 /// Compares every iteration of a run with the referee. It downloads the tree and repeats the search on the host, so the times of a
 /// checked run are not those of another.
 #[derive(Debug)]
 pub struct NumericsCheck<'a> {
     scene: &'a Scene,
-    /// None where another optimiser than PRBVH runs, or searches that one set of parameters does not describe.
-    strategy: Option<Strategy>,
+    searches: Searches,
     before: Option<(Vec<Node>, f64)>,
+    changes: Changes,
     report: AccuracyReport,
     failure: Option<DeviceError>,
 }
@@ -33,19 +54,18 @@ impl<'a> NumericsCheck<'a> {
     /// Of a run over `scene` with these settings.
     #[must_use]
     pub fn new(scene: &'a Scene, settings: &Settings) -> Self {
-        // Only the published order searches with one set of parameters in an iteration.
-        let is_single = settings.optimizer == Optimizer::Prbvh && settings.prbvh.order == Order::Published;
-        let strategy = is_single.then_some(settings.prbvh.strategy);
-        let report =
-            AccuracyReport { cost_bound: F32_COST_BOUND, search: None, breaches: Vec::new(), rows: Vec::new() };
-        Self { scene, strategy, before: None, report, failure: None }
+        let report = AccuracyReport { search: None, breaches: Vec::new(), rows: Vec::new() };
+        let searches = Searches::of(settings);
+        Self { scene, searches, before: None, changes: Changes::default(), report, failure: None }
     }
 
     /// Takes the next iteration, from row 0 on, and the tree after it. Breaks where the device fails.
     pub fn observe(&mut self, row: &IterationRow, mut tree: CurrentTree<'_>) -> ControlFlow<()> {
-        let nodes = match tree.nodes() {
-            Ok(nodes) => nodes,
-            Err(error) => {
+        let is_round = self.searches == Searches::WorstFirst && row.iteration > 0;
+        let round = if is_round { tree.dual_round(row.searched) } else { Ok(None) };
+        let (nodes, round) = match (tree.nodes(), round) {
+            (Ok(nodes), Ok(round)) => (nodes, round),
+            (Err(error), _) | (_, Err(error)) => {
                 self.failure = Some(error);
                 return ControlFlow::Break(());
             }
@@ -62,29 +82,42 @@ impl<'a> NumericsCheck<'a> {
                 return ControlFlow::Continue(());
             }
         };
+        if row.iteration == 0 {
+            self.changes.initial = exact_cost;
+        } else if let (true, Some((before, _))) = (is_round, &self.before) {
+            let (cost, count) = tree.on_host(|| changed(before, &nodes));
+            self.changes =
+                Changes { cost: self.changes.cost + cost, count: self.changes.count + count, ..self.changes };
+        }
+        let cost_bound = if is_round { self.changes.cost_bound(exact_cost) } else { F32_COST_BOUND };
         let mut checked = AccuracyRow {
             iteration: row.iteration,
             time_s: row.time_s,
             exact_cost,
             // Both may be 0.
             cost_error: if row.cost == exact_cost { 0.0 } else { (row.cost / exact_cost - 1.0).abs() },
+            cost_bound,
             predicted_decrease: row.predicted_decrease,
             measured_decrease: 0.0,
             prediction_bound: None,
             search: None,
         };
-        if !is_at_most(checked.cost_error, F32_COST_BOUND) {
+        if !is_at_most(checked.cost_error, cost_bound) {
             let what = format!("the cost is {}, {exact_cost} in f64: {:.1e} off", row.cost, checked.cost_error);
-            self.breach(row, BreachKind::Cost, format!("{what}, {F32_COST_BOUND:.1e} is allowed"));
+            self.breach(row, BreachKind::Cost, format!("{what}, {cost_bound:.1e} is allowed"));
         }
         if let Some((before, cost_before)) = self.before.take() {
             checked.measured_decrease = cost_before - exact_cost;
-            if let Some(strategy) = self.strategy {
-                let params = searched(row, &before);
-                let found = tree.on_host(|| offers(&before, &params, &kernel_walk));
-                self.search(row, &mut checked, &params, &found);
-                if strategy == Strategy::Conservative {
-                    self.prediction(row, &mut checked, &before, &found);
+            match self.searches {
+                Searches::None => {}
+                Searches::WorstFirst => self.round(row, &mut checked, &before, round.as_ref(), &tree),
+                Searches::Published(strategy) => {
+                    let params = searched(row, &before);
+                    let found = tree.on_host(|| offers(&before, &params, &kernel_walk));
+                    self.search(row, &mut checked, &params, &found);
+                    if strategy == Strategy::Conservative {
+                        self.prediction(row, &mut checked, &before, &found);
+                    }
                 }
             }
         }
@@ -106,6 +139,26 @@ impl<'a> NumericsCheck<'a> {
 
     fn breach(&mut self, row: &IterationRow, kind: BreachKind, what: String) {
         self.report.breaches.push(Breach { iteration: row.iteration, kind, what });
+    }
+
+    fn round(
+        &mut self,
+        row: &IterationRow,
+        checked: &mut AccuracyRow,
+        before: &[Node],
+        round: Option<&DualRound>,
+        tree: &CurrentTree<'_>,
+    ) {
+        let Some(round) = round else {
+            self.breach(row, BreachKind::Search, "nobody took note of the search".to_owned());
+            return;
+        };
+        let (search, faults) = tree.on_host(|| check_round(before, row, round));
+        for (kind, what) in faults {
+            self.breach(row, kind, what);
+        }
+        self.report.search.get_or_insert_default().merge(&search);
+        checked.search = Some(search);
     }
 
     fn search(&mut self, row: &IterationRow, checked: &mut AccuracyRow, params: &PrbvhParams, found: &[Offer]) {
@@ -141,6 +194,16 @@ impl<'a> NumericsCheck<'a> {
 /// A NaN is at most nothing.
 fn is_at_most(value: f64, bound: f64) -> bool {
     value <= bound
+}
+
+/// What the changes of the areas of internal nodes are worth in all, and how many nodes have another.
+fn changed(before: &[Node], after: &[Node]) -> (f64, u64) {
+    let area = |node: &Node| f64::from(node.aabb().half_area());
+    let pairs = before.iter().zip(after).take(before.len() / 2);
+    let changes = pairs.map(|(before, after)| (area(before) - area(after)).abs()).filter(|change| *change != 0.0);
+    let (sum, count) = changes.fold((0.0, 0), |(sum, count), change| (sum + change, count + 1));
+    let root = before.first().map_or(0.0, area);
+    (if root > 0.0 { SahModel::default().c_traversal * sum / root } else { 0.0 }, count)
 }
 
 /// Which nodes the iteration of a row searched.

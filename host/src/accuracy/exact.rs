@@ -35,13 +35,13 @@ fn extents(aabb: Aabb) -> [f64; 3] {
     [0, 1, 2].map(|k| f64::from(aabb.max[k]) - f64::from(aabb.min[k]))
 }
 
-fn half_area(aabb: Aabb) -> f64 {
+pub(super) fn half_area(aabb: Aabb) -> f64 {
     let [x, y, z] = extents(aabb);
     x * y + y * z + z * x
 }
 
 /// Half area of `outer` less that of `inner`, a box inside it: a sum of products that are not negative.
-fn area_difference(outer: Aabb, inner: Aabb) -> f64 {
+pub(super) fn area_difference(outer: Aabb, inner: Aabb) -> f64 {
     let [_, y, z] = extents(outer);
     let [a, b, _] = extents(inner);
     // Both gaps of an axis are differences of float32 numbers.
@@ -114,7 +114,7 @@ mod tests {
                 let decrease = area_decrease(&nodes, input, output);
                 assert!((before - after - decrease).abs() < 1e-12 * before, "{input} to {output}");
                 let pivot = above(output).skip(1).find(|v| above(input).skip(1).any(|u| u == *v)).unwrap();
-                let kernel = f64::from(checked_area_decrease(input, output, pivot, &nodes));
+                let kernel = f64::from(checked_area_decrease(input, output, pivot, &nodes[..]));
                 assert!(kernel == 0.0 || (kernel / decrease - 1.0).abs() < 1e-3, "{kernel} {decrease}");
                 moves += 1;
             }

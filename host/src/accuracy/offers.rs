@@ -68,7 +68,8 @@ mod tests {
     use crate::build;
     use crate::scene::{SafeRange, built_in};
     use prbvh_kernel::mem::Slot;
-    use prbvh_kernel::prbvh::{Reinsertion, search::search};
+    use prbvh_kernel::node::WideNode;
+    use prbvh_kernel::prbvh::{Move, search::search};
 
     #[test]
     fn offers_are_what_the_search_kernel_finds() {
@@ -77,11 +78,13 @@ mod tests {
         for (mu, first) in [(1, 0), (7, 3)] {
             let params = PrbvhParams::every(mu, first, nodes.len() as u32);
             let offers = offers(&nodes, &params, &kernel_walk);
-            let mut found = vec![Reinsertion::NONE; params.count as usize];
+            let mut found = vec![Move::NONE; params.count as usize];
             let mut report = [0; REPORT_WORDS as usize];
             let report = AtomicU32::from_mut_slice(&mut report);
-            for (i, slot) in (0..).zip(Slot::from_mut_slice(&mut found)) {
-                search(params.input(i), &params, &nodes, slot, report);
+            let wide: Vec<WideNode> = bytemuck::pod_collect_to_vec(&nodes);
+            let found_slots = Slot::from_mut_slice(&mut found);
+            for i in 0..params.count {
+                search(i, &params, &wide, found_slots, report);
             }
             let expected = (0..).zip(&found).filter(|(_, found)| found.output != NO_NODE);
             let taken = offers.iter().filter(|offer| offer.direct > 0.0);

@@ -15,10 +15,10 @@ pub fn table(report: &AccuracyReport, width: u16) -> String {
         table.add_row([name.to_owned(), value]);
     };
     if let Some(worst) = report.worst_cost() {
-        let AccuracyRow { cost_error, iteration, .. } = worst;
+        let AccuracyRow { cost_error, cost_bound, iteration, .. } = worst;
         let of = report.rows.len();
         row("error of the cost", format!("{cost_error:.1e} at most (iteration {iteration} of {of} checked)"));
-        row("its bound", format!("{:.1e}", report.cost_bound));
+        row("its bound", format!("{cost_bound:.1e}"));
     }
     if let Some(search) = &report.search {
         let (predicted, measured) = report.decreases();

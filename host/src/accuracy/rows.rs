@@ -6,8 +6,6 @@ use serde::Serialize;
 /// The numbers of a run against the referee.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AccuracyReport {
-    /// [`F32_COST_BOUND`](super::F32_COST_BOUND).
-    pub cost_bound: f64,
     /// All searches of the run; none where no search ran on a device.
     pub search: Option<SearchAccuracy>,
     /// What must not be.
@@ -27,11 +25,15 @@ pub struct AccuracyRow {
     pub exact_cost: f64,
     /// |cost / `exact_cost` - 1| with the cost that the optimiser says.
     pub cost_error: f64,
+    /// Most that this can be: [`F32_COST_BOUND`](super::F32_COST_BOUND), or [`Changes::cost_bound`](super::Changes::cost_bound) after rounds
+    /// that add up what changed.
+    pub cost_bound: f64,
     /// What the search predicted as the fall of the cost, each reinsertion as if it were alone.
     pub predicted_decrease: f64,
     /// By how much `exact_cost` fell; 0 in row 0.
     pub measured_decrease: f64,
-    /// Most by which roundings alone can part these two; none with the aggressive strategy, whose reinsertions may meet.
+    /// Most by which roundings alone can part these two; none where reinsertions may meet: with
+    /// the aggressive strategy, and worst first.
     pub prediction_bound: Option<f64>,
     /// The searches of the iteration; none where none ran on a device.
     pub search: Option<SearchAccuracy>,
@@ -107,10 +109,13 @@ pub enum BreachKind {
     Tree,
     /// The cost is within its bound of the f64 one.
     Cost,
-    /// With the conservative strategy the cost falls as predicted, up to roundings.
+    /// With the conservative strategy the cost falls as predicted, up to roundings. Worst first, the prediction is the sum of what the
+    /// moves made promise.
     Prediction,
-    /// The device's search found as many moves as the same search on the host.
+    /// The device's search found as many moves as the same search on the host; worst first, the same moves.
     Search,
+    /// Worst first, every move on offer lowers the cost in f64, and by at most twice what is promised.
+    Offer,
 }
 
 impl AccuracyReport {
@@ -156,6 +161,7 @@ mod tests {
             time_s: 0.0,
             exact_cost: 1.0,
             cost_error,
+            cost_bound: 1e-5,
             predicted_decrease: 2.0,
             measured_decrease: 1.5,
             prediction_bound: None,
@@ -165,7 +171,7 @@ mod tests {
 
     fn report(errors: &[f64]) -> AccuracyReport {
         let rows = (0..).zip(errors).map(|(k, error)| row(k, *error)).collect();
-        AccuracyReport { cost_bound: 1e-5, search: None, breaches: Vec::new(), rows }
+        AccuracyReport { search: None, breaches: Vec::new(), rows }
     }
 
     #[test]

@@ -12,7 +12,7 @@ mod schedule;
 mod worst_first;
 
 pub use areas::{TreeAreas, measure};
-pub use current::CurrentTree;
+pub use current::{CurrentTree, DualRound};
 pub use limits::Limits;
 pub use moves::Strategy;
 pub use prbvh::{Outcome, prbvh, prbvh_from};

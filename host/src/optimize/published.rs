@@ -82,8 +82,7 @@ pub(super) fn run(
 fn record_best(session: &Session<'_>, recording: &mut Recording, epoch: u32) {
     let page = if epoch == 1 { BEGIN } else { BEST };
     // No fringe: a tree without places has none.
-    let params =
-        RoundParams { count: 1, nodes: 0, root_area: 0.0, scale: 0.0, row: 0, page, wanted: 0, pool: 0 };
+    let params = RoundParams { count: 1, nodes: 0, root_area: 0.0, scale: 0.0, row: 0, page, wanted: 0, pool: 0 };
     session.moves.record_page(recording, "keep best", &params, &session.measure.arrivals);
 }
 

@@ -29,7 +29,7 @@ pub(super) fn rbvh(
 /// What is said of a tree that nothing optimised.
 pub(super) fn nothing(tree: &DeviceTree, device: &mut dyn Device, initial: &Quality, observe: Observe<'_>) -> Outcome {
     let row = IterationRow { cost: initial.sah_cost, ..IterationRow::default() };
-    let is_cancelled = observe(&row, CurrentTree::Device(tree, device)).is_break();
+    let is_cancelled = observe(&row, CurrentTree::Device(tree, device, None)).is_break();
     let stop = if is_cancelled { StopReason::Cancelled } else { StopReason::NoOptimizer };
     Outcome { rows: vec![row], stop, timings: Vec::new(), working_bytes: 0 }
 }

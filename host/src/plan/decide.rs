@@ -5,7 +5,7 @@ use super::phase::{AGGRESSIVE, BUILD, COLLAPSE, CONSERVATIVE, ITERATIONS, optimi
 use super::{CodeSize, Item, Omission, Plan, Saving, Status};
 use crate::build::{Codes, MOST_COMPARED, MortonBits};
 use crate::device::{DeviceError, DeviceInfo};
-use crate::optimize::{Order, PrbvhSettings, Strategy};
+use crate::optimize::{Order, PrbvhSettings, Strategy, WorstFirst};
 use crate::pipeline::{Initial, Optimizer, Settings};
 use crate::report::format;
 use crate::scene::Scene;
@@ -14,6 +14,9 @@ use std::collections::BTreeSet;
 
 /// Why duplicates are not folded.
 const DUPLICATES: &str = "the tree is another one, of about the same cost: ask with --fold-duplicates";
+
+/// A tree of fewer references has no internal node with a grandparent.
+const FEWEST_THAT_MOVE: usize = 4;
 
 /// Why µ does not follow the conflicts.
 const MU_BY_CONFLICTS: &str = "a µ that falls where few moves collide took more searches to the same cost (docs/plan.md); µ falls when the cost settles";
@@ -185,12 +188,29 @@ impl Decide<'_> {
     fn worst_first(&self) -> Result<Vec<Item>, DeviceError> {
         let why = "keys are computed from the top of the tree downward, as far as the rounds come";
         let untouched = item(Omission::Untouched, Status::LeftOut, why);
-        let tail = if self.settings.prbvh.worst_first.tail_part > 0.0 {
-            item(Omission::Tail, Status::Needed, "a last 0.2 to 0.5 % of the cost")
+        let worst_first = self.settings.prbvh.worst_first;
+        let tail = if self.plan.references < FEWEST_THAT_MOVE {
+            item(Omission::Tail, Status::NoneThere, "no internal node has a grandparent: none can move")
+        } else if worst_first.tail_part > 0.0 {
+            item(Omission::Tail, Status::Needed, "the settings ask for it")
         } else {
             item(Omission::Tail, Status::LeftOut, "the settings are without it")
         };
-        Ok(vec![untouched, tail])
+        Ok(vec![untouched, tail, self.more_locks(worst_first)?])
+    }
+
+    fn more_locks(&self, worst_first: WorstFirst) -> Result<Item, DeviceError> {
+        if worst_first.lock_rounds > 1 {
+            let why = format!("{} over one tree: losers of one may win the next", worst_first.lock_rounds);
+            return Ok(item(Omission::MoreLocks, Status::Needed, why));
+        }
+        let mut item = item(Omission::MoreLocks, Status::LeftOut, "the settings have one round");
+        let two =
+            PrbvhSettings { worst_first: WorstFirst { lock_rounds: 2, ..worst_first }, ..self.settings.prbvh.clone() };
+        let two = self.optimize(two, self.info.atomics_64, ITERATIONS)?;
+        let one = &self.taken[optimizer_of(&self.settings.prbvh)];
+        item.saved.dispatches_per_iteration = (two.dispatches - one.dispatches) / u64::from(ITERATIONS);
+        Ok(item)
     }
 
     fn collapse(&self) -> Item {

@@ -34,6 +34,8 @@ pub enum Omission {
     Untouched,
     /// A second search of all nodes after the worst ones.
     Tail,
+    /// Rounds of locks after the first, over the moves of the same search.
+    MoreLocks,
     /// Refits of nodes below which nothing moved.
     UnchangedBoxes,
     /// Kernels that no phase runs.
@@ -57,6 +59,7 @@ impl fmt::Display for Omission {
             Self::Conflicts => "searches whose moves collide: µ from the rate of conflicts",
             Self::Untouched => "keys of nodes that no round comes to",
             Self::Tail => "a broad search of all nodes at the end",
+            Self::MoreLocks => "further rounds of locks over one search",
             Self::UnchangedBoxes => "refits of nodes below which nothing moved",
             Self::Kernels => "kernels that no phase runs",
         })

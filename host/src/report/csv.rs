@@ -83,8 +83,7 @@ mod tests {
     fn rows_come_back_under_a_header() {
         let rows = report(7).rows;
         let text = written(&rows);
-        let header =
-            "iteration,mu,time_s,device_s,cost,predicted_decrease,relative_error,found,owned,applied,most_steps";
+        let header = "iteration,mu,time_s,device_s,cost,predicted_decrease,relative_error,searched,visits,found,owned,applied,most_steps";
         assert_eq!(text.lines().next(), Some(header));
         assert_eq!(text.lines().count(), 1 + 8);
         assert_eq!(parsed(&text), rows);

@@ -25,7 +25,7 @@ mod tests {
     fn the_keys_that_programs_rely_on_are_flat() {
         let report = report(4);
         let json = parsed(&report);
-        assert_eq!(json["schema"], 1);
+        assert_eq!(json["schema"], 2);
         assert_eq!(json["scene"], report.scene);
         assert_eq!(json["triangles"], report.triangles);
         assert_eq!(json["device"], report.device);

@@ -254,13 +254,14 @@ mod tests {
             time_s: row.time_s,
             exact_cost: row.cost,
             cost_error: 1e-7,
+            cost_bound: 1e-5,
             predicted_decrease: 0.0,
             measured_decrease: 0.0,
             prediction_bound: None,
             search: None,
         };
         let rows = plain.rows.iter().map(row).collect();
-        checked.accuracy = Some(AccuracyReport { cost_bound: 1e-5, search: None, breaches: Vec::new(), rows });
+        checked.accuracy = Some(AccuracyReport { search: None, breaches: Vec::new(), rows });
         let [without, with] = [plain, checked].map(|report| convergence(&report).unwrap());
         assert!(lines(&with) >= lines(&without) + 21, "{} and {}", lines(&with), lines(&without));
         let named = |svg: &str| texts(svg).iter().any(|text| text.contains("f32 cost against f64"));

@@ -11,7 +11,7 @@ use crate::reference::ReferenceCost;
 use serde::Serialize;
 
 /// Version of [`RunReport`] as JSON; grows when a key changes its meaning or goes away.
-pub const SCHEMA: u32 = 1;
+pub const SCHEMA: u32 = 2;
 
 /// A run, whole. As JSON the first keys are flat, for programs that want the outcome alone; what follows them explains it.
 #[derive(Clone, Debug, Serialize)]

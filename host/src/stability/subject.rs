@@ -1,13 +1,15 @@
 //! What is put to the test: the library, or in tests of the table itself something with a fault.
 
-use crate::build::DeviceTree;
+use crate::build::{DeviceTree, Scratch};
 use crate::bvh::{self, Bvh, EncodeError, TreeFault};
 use crate::device::{Device, DeviceError, Recording};
-use crate::optimize::{PrbvhSettings, prbvh};
+use crate::optimize::{Order, PrbvhSettings, prbvh};
 use crate::pipeline::{self, Optimized, PipelineError, Settings};
 use crate::scene::{SafeRange, Scene};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::node::Node;
+use prbvh_kernel::prbvh::dual::search::{DualParams, TO_THE_ROOT};
+use prbvh_kernel::prbvh::worst::books::{BOOKS_WORDS, LIST_LENGTH};
 use prbvh_kernel::prbvh::{Move, PrbvhParams};
 use prbvh_kernel::status::REPORT_WORDS;
 use std::ops::ControlFlow;
@@ -58,24 +60,54 @@ pub trait Subject {
         Ok(Bvh::from_device(&nodes).map_err(RunError::InvalidTree)?.with_boxes_of(&scene.triangles))
     }
 
-    /// What one search finds in a tree, for every node. [`Move::NONE`] where it finds nothing.
+    /// What the searches of an order find in a tree, for every node that they take. [`Move::NONE`] where nothing is found.
     ///
     /// # Errors
     /// If the device refuses or fails.
-    fn search(&self, nodes: &[Node], device: &mut dyn Device) -> Result<Vec<Move>, RunError> {
-        let count = nodes.len() as u32;
+    fn search(&self, nodes: &[Node], order: Order, device: &mut dyn Device) -> Result<Vec<Move>, RunError> {
         let tree = DeviceTree::upload(device, nodes)?;
-        let found = device.allocate("found", nodes.len(), size_of::<Move>())?;
-        let report = device.allocate("report", REPORT_WORDS as usize, 4)?;
-        let params = PrbvhParams::every(1, 0, count);
+        let mut scratch = Scratch::default();
+        let found = scratch.allocate(device, "found", nodes.len(), size_of::<Move>())?;
+        let report = scratch.allocate(device, "report", REPORT_WORDS as usize, 4)?;
         let mut recording = Recording::new();
-        recording.dispatch("search", Kernel::PrbvhSearch, count, &params, &[&tree.nodes, &found, &report]);
-        device.run(&recording)?;
+        match order {
+            Order::Published => {
+                let params = PrbvhParams::every(1, 0, nodes.len() as u32);
+                let buffers = [&tree.nodes, &found, &report];
+                recording.dispatch("search", Kernel::PrbvhSearch, params.count, &params, &buffers);
+            }
+            Order::WorstFirst => {
+                let inputs: Vec<u32> = (1..nodes.len() as u32 / 2).collect();
+                // As the tail of a run searches: each child first, and to the root.
+                let params = DualParams {
+                    count: inputs.len() as u32,
+                    nodes: nodes.len() as u32,
+                    both_orders: 1,
+                    climb: TO_THE_ROOT,
+                    slack: 0.0,
+                    row: 0,
+                };
+                let list = scratch.allocate(device, "list", inputs.len().max(1), 4)?;
+                let keys = scratch.allocate(device, "keys", nodes.len(), 4)?;
+                let books = scratch.allocate(device, "books", BOOKS_WORDS as usize, 4)?;
+                if !inputs.is_empty() {
+                    device.upload(&list, bytemuck::cast_slice(&inputs))?;
+                }
+                let mut words = [0u32; BOOKS_WORDS as usize];
+                words[LIST_LENGTH] = params.count;
+                device.upload(&books, bytemuck::cast_slice(&words))?;
+                recording.clear("search", &keys);
+                let buffers = [&tree.nodes, &list, &found, &keys, &books, &report];
+                recording.dispatch("search", Kernel::DualSearch, params.count, &params, &buffers);
+            }
+        }
         let mut moves = vec![Move::NONE; nodes.len()];
+        // What no search has written is none.
+        device.upload(&found, bytemuck::cast_slice(&moves))?;
+        device.run(&recording)?;
         device.download(&found, bytemuck::cast_slice_mut(&mut moves))?;
+        scratch.free(device);
         tree.free(device);
-        device.free(found);
-        device.free(report);
         Ok(moves)
     }
 }

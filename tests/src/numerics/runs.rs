@@ -62,6 +62,7 @@ fn table(name: &str, scenes: &[Scene]) -> Block {
     let published =
         |strategy| Settings { prbvh: PrbvhSettings { strategy, ..PrbvhSettings::published() }, ..Settings::default() };
     let methods = [
+        ("worst first", Settings::default()),
         ("aggressive", published(Strategy::Aggressive)),
         ("conservative", published(Strategy::Conservative)),
         ("rbvh", Settings { optimizer: Optimizer::Rbvh(RbvhSettings::default()), ..Settings::default() }),

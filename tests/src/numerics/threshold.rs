@@ -6,7 +6,7 @@ use super::{case, device, initial_tree, markdown, scene_of, texts};
 use crate::other_searches::{with_search, without_threshold};
 use prbvh::accuracy::area_decrease;
 use prbvh::device::Device;
-use prbvh::optimize::{Epsilon, Limits, PrbvhSettings};
+use prbvh::optimize::{Epsilon, Limits, Order, PrbvhSettings};
 use prbvh::pipeline::Settings;
 use prbvh::scene::Scene;
 use prbvh::stability::{Library, Subject};
@@ -52,8 +52,9 @@ pub fn block() -> Block {
         let scene = scene_of(case(name));
         let nodes = initial_tree(&scene);
         let naive = |device| -> Box<dyn Device> { Box::new(with_search(device, without_threshold)) };
-        let offered =
-            |device: &mut dyn Device| Offered::of(&nodes, &Library.search(&nodes, device).expect("the CPU searches"));
+        let offered = |device: &mut dyn Device| {
+            Offered::of(&nodes, &Library.search(&nodes, Order::Published, device).expect("the CPU searches"))
+        };
         let (without, with) = (offered(&mut *naive(device())), offered(&mut *device()));
         let worst = without.worst.map_or_else(|| "-".to_owned(), |(f32, f64)| format!("{f32:+.1e}, {f64:+.1e}"));
         let count = |offered: &Offered| format!("{} of {}", offered.raising, offered.moves);
@@ -67,8 +68,13 @@ pub fn block() -> Block {
 /// How a run ends that is to go on for as long as the cost changes.
 fn end(scene: &Scene, mut device: Box<dyn Device>) -> String {
     let epsilon = Epsilon::Absolute(0.0);
-    let prbvh =
-        PrbvhSettings { mu: 1, epsilon, patience: MANY, limits: Limits::iterations(MANY), ..PrbvhSettings::published() };
+    let prbvh = PrbvhSettings {
+        mu: 1,
+        epsilon,
+        patience: MANY,
+        limits: Limits::iterations(MANY),
+        ..PrbvhSettings::published()
+    };
     let report = checked(scene, &mut *device, &Settings { prbvh, ..Settings::default() }).expect("the CPU optimises");
     let rises = report.rows.iter().filter(|row| row.measured_decrease < 0.0).count();
     let lowest = report.rows.iter().map(|row| row.exact_cost).fold(f64::INFINITY, f64::min);

@@ -132,22 +132,9 @@ mod tests {
     }
 
     #[test]
-    fn only_locks_of_one_word_and_lanes_need_64_bits() {
+    fn only_locks_of_one_word_need_64_bits() {
         for &kernel in Kernel::ALL {
-            let is_of_wide_words = matches!(
-                kernel,
-                Kernel::PrbvhLock
-                    | Kernel::PrbvhCheck
-                    | Kernel::ConservativeLock
-                    | Kernel::ConservativeCheck
-                    | Kernel::DualLock
-                    | Kernel::DualCheck
-                    | Kernel::PrbvhList
-                    | Kernel::PrbvhListCandidates
-                    | Kernel::PrbvhWalk
-                    | Kernel::PrbvhConfirm
-                    | Kernel::PrbvhConfirmTop
-            );
+            let is_of_wide_words = matches!(kernel, Kernel::PrbvhLock | Kernel::PrbvhCheck);
             assert_eq!(needs_atomics_64(&words(kernel)), is_of_wide_words, "{kernel:?}");
         }
         assert!(!needs_atomics_64(&[0x0723_0203, 0x0001_0500, 0, 1, 0, 0x0002_0011, 1]), "a module with Shader alone");
