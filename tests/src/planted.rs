@@ -34,14 +34,7 @@ impl<F: FnMut(&Dispatch, &mut dyn Device) -> Result<(), DeviceError>> device::La
         let mut timings = Vec::new();
         for (label, command) in recording.commands() {
             let mut one = Recording::new();
-            match command {
-                Command::Clear(buffer) => one.clear(label, buffer),
-                Command::Copy { from, to } => one.copy(label, from, to),
-                Command::Dispatch(dispatch) => {
-                    let buffers: Vec<&Buffer> = dispatch.buffers.iter().collect();
-                    one.dispatch_bytes(label, dispatch.kernel, dispatch.count, &dispatch.push, &buffers);
-                }
-            }
+            one.add(label, command.clone());
             timings.extend(self.device.run(&one)?);
             if let Command::Dispatch(dispatch) = command {
                 (self.after)(dispatch, &mut *self.device)?;

@@ -147,6 +147,11 @@ impl Recording {
         self.commands.push((label, Command::Dispatch(Dispatch { kernel, count, push, buffers, counted: None })));
     }
 
+    /// Adds a command of another recording.
+    pub fn add(&mut self, label: &'static str, command: Command) {
+        self.commands.push((label, command));
+    }
+
     /// Adds the clearing of a buffer.
     pub fn clear(&mut self, label: &'static str, buffer: &Buffer) {
         self.commands.push((label, Command::Clear(buffer.clone())));

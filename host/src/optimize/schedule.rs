@@ -63,8 +63,8 @@ pub struct WorstFirst {
 impl Default for WorstFirst {
     fn default() -> Self {
         Self {
-            first: 32,
-            growth: 1.5,
+            first: 8,
+            growth: 1.3,
             most_part: 0.02,
             lock_rounds: 2,
             climb: 8,

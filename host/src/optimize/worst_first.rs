@@ -2,7 +2,7 @@
 //! ([`prbvh_kernel::prbvh::worst`]).
 
 use super::prbvh::{Observe, Outcome, Session};
-use super::{PrbvhSettings, StopReason, TreeAreas, WorstFirst};
+use super::{Limits, PrbvhSettings, StopReason, TreeAreas, WorstFirst};
 use crate::build::DeviceTree;
 use crate::device::{Buffer, Device, DeviceError, Recording};
 use prbvh_kernel::Kernel;
@@ -142,7 +142,10 @@ impl Rounds {
             if let Some(stop) = settings.limits.used_up(done, session.elapsed()) {
                 return Ok(Some(stop));
             }
-            let at_once = if settings.worst_first.row_by_row { 1 } else { AT_ONCE.get(submissions).copied().unwrap_or(1) };
+            // Whoever asks for an early end does not want a round more than that takes.
+            let Limits { max_time, target_cost, .. } = settings.limits;
+            let row_by_row = settings.worst_first.row_by_row || max_time.is_some() || target_cost.is_some();
+            let at_once = if row_by_row { 1 } else { AT_ONCE.get(submissions).copied().unwrap_or(1) };
             let at_once = at_once.min(settings.limits.max_iterations - done);
             let mut recording = Recording::new();
             recording.clear("select", &session.moves.report);
@@ -159,6 +162,7 @@ impl Rounds {
             }
             submissions += 1;
             let reports = session.submit_rows(device, &recording, &ends)?;
+            let before = session.rows.len();
             for (report, clock) in reports {
                 if report[FAULTS] != 0 {
                     return Ok(Some(StopReason::Fault(report[FAULTS])));
@@ -180,9 +184,10 @@ impl Rounds {
                 if report[SEARCHED] + report[WAITING] + report[FRINGE] == 0 {
                     idle = patience;
                 }
-                if observe(session.row(), session.tree, device).is_break() {
-                    return Ok(Some(StopReason::Cancelled));
-                }
+            }
+            // The tree is that of the last row.
+            if session.rows[before..].iter().any(|row| observe(row, session.tree, device).is_break()) {
+                return Ok(Some(StopReason::Cancelled));
             }
             if idle >= patience {
                 return Ok(None);

@@ -12,7 +12,7 @@ use crate::mem::{AtomicU32, Slot};
 use crate::node::{AtomicNode, Links, NO_NODE, Node};
 
 /// Invocation `i` climbs from the ends of the move `found[i]`, if it was made. Reads `nodes[2n-1]`, raises `ways[n-1]`, which starts as 0. Returns
-/// how many nodes it was the first to come to.
+/// how many nodes it was the first to come to, and one more if the climb did not come to its end.
 #[inline(always)]
 pub fn mark(i: u32, params: &PrbvhParams, found: &[Slot<Move>], nodes: &[Node], ways: &[AtomicU32]) -> u32 {
     let own = found[i as usize].get();
@@ -31,14 +31,16 @@ pub fn mark(i: u32, params: &PrbvhParams, found: &[Slot<Move>], nodes: &[Node], 
 fn mark_from(start: u32, params: &PrbvhParams, nodes: &[Node], ways: &[AtomicU32]) -> u32 {
     let mut v = start;
     let mut marked = 0;
-    while marked < params.nodes {
-        if v == NO_NODE || ways[v as usize].arrive() != 0 {
-            break;
+    let mut done = false;
+    while !done && marked < params.nodes {
+        done = v == NO_NODE || ways[v as usize].arrive() != 0;
+        if !done {
+            marked += 1;
+            v = nodes.parent(v);
         }
-        marked += 1;
-        v = nodes.parent(v);
     }
-    marked
+    // A climb that the device cut short counts one that nobody completes.
+    marked + !done as u32
 }
 
 /// Invocation `i` climbs from the ends of the move `found[i]` and recomputes boxes. Reads and writes `nodes[2n-1]`, lowers `ways[n-1]` to 0. Calls

@@ -31,7 +31,8 @@ fn cell(v: u32) -> u32 {
     v.wrapping_mul(0x9e37_79b9) >> (32 - CELLS.ilog2())
 }
 
-/// One in two to this power of the nodes of a pool is counted: of a large pool a part tells enough, and all threads count in the same few words.
+/// One in two to this power of the nodes of a pool is counted: of a large pool a part tells enough, and all threads count in the same few words. Which
+/// are counted has nothing to do with whose turn it is.
 #[inline(always)]
 pub(super) fn thinning(length: u32) -> u32 {
     let mut thinning = 0;
@@ -50,7 +51,7 @@ pub fn count(i: u32, params: &RoundParams, pool: &[u32], keys: &[u32], books: &[
     let counted = CELLS >> thinning(length);
     for place in i * CHUNK..end {
         let v = pool[(side * params.places() + place) as usize];
-        if cell(v) >= counted {
+        if cell(v.wrapping_mul(0x85eb_ca6b)) >= counted {
             continue;
         }
         let key = keys[v as usize];
