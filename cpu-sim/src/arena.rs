@@ -136,7 +136,10 @@ mod tests {
 
     #[test]
     fn refused_memory_is_an_error() {
-        assert_eq!(Arena::default().allocate(isize::MAX as usize, Pages::Large).unwrap_err().bytes, isize::MAX as usize);
+        assert_eq!(
+            Arena::default().allocate(isize::MAX as usize, Pages::Large).unwrap_err().bytes,
+            isize::MAX as usize
+        );
     }
 
     #[test]

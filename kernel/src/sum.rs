@@ -138,7 +138,7 @@ mod tests {
     #[test]
     fn differences_may_be_negative() {
         let (small, large) = (Sum::of(7.0, 1.0), Sum::of(9e9, 1.0));
-        assert_eq!(number(small.minus(large)), 7 - 9_000_000_000);
+        assert_eq!(number(small.minus(large)), 7 - 9e9f32 as i64);
         assert!(large.exceeds(small) && !small.exceeds(small) && small.exceeds(small.minus(large)));
         assert_eq!(small.minus(large).plus(large), small);
     }

@@ -174,7 +174,8 @@ pub fn lock_rounds(nodes: &[Node], found: &[Move], params: &PrbvhParams, rounds:
 #[must_use]
 pub fn rounds_fault(claimants: &[Claimant], checked: &Checked, rounds: u32) -> Option<String> {
     let won = self::rounds(checked.locks.len(), claimants, rounds);
-    let winners: Vec<&Claimant> = claimants.iter().zip(&won).filter(|(_, won)| won.is_some()).map(|(each, _)| each).collect();
+    let winners: Vec<&Claimant> =
+        claimants.iter().zip(&won).filter(|(_, won)| won.is_some()).map(|(each, _)| each).collect();
     let naive: BTreeSet<u32> = winners.iter().map(|each| each.found.input).collect();
     let made: BTreeSet<u32> = checked.found.iter().filter(|found| found.has_won()).map(Move::input).collect();
     if let Some(v) = made.symmetric_difference(&naive).next() {

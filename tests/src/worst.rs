@@ -6,9 +6,7 @@ use prbvh::device::{Buffer, Device, DeviceError, Dispatch};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::prbvh::worst::RoundParams;
-use prbvh_kernel::prbvh::worst::books::{
-    CLOSE, FRINGE_LENGTH, FRINGE_SIDE, POOL_LENGTH, POOL_SIDE, STAGE,
-};
+use prbvh_kernel::prbvh::worst::books::{CLOSE, FRINGE_LENGTH, FRINGE_SIDE, POOL_LENGTH, POOL_SIDE, STAGE};
 use prbvh_kernel::prbvh::worst::keys::{COLD, IN_POOL, ON_FRINGE, measure, measure_of, waits};
 use prbvh_kernel::prbvh::{LAST, PrbvhParams};
 use prbvh_kernel::status::{FAULTS, GREW, MARKED, REFITTED, REPORT_WORDS, SHRUNK};
@@ -111,7 +109,10 @@ impl Round {
     /// The first fault.
     pub fn check(&self, before: &NaiveTree) -> Result<NaiveTree, String> {
         if self.report[FAULTS] != 0 || self.report[MARKED] != self.report[REFITTED] {
-            return Err(format!("{} faults, {} of {} refitted", self.report[FAULTS], self.report[REFITTED], self.report[MARKED]));
+            return Err(format!(
+                "{} faults, {} of {} refitted",
+                self.report[FAULTS], self.report[REFITTED], self.report[MARKED]
+            ));
         }
         if !self.is_free {
             return Err("a node is locked".to_owned());
@@ -172,7 +173,9 @@ pub fn watched(
         }
         let params: RoundParams = bytemuck::pod_read_unaligned(&dispatch.push);
         // What unfolds before the first round moves nothing.
-        if params.page == CLOSE && let Some(refit) = refit.take() {
+        if params.page == CLOSE
+            && let Some(refit) = refit.take()
+        {
             let [_, nodes, _, keys, pool, books, report] = &refit.buffers[..] else { panic!("{refit:?}") };
             let mut tree: Vec<Node> = vec![bytemuck::Zeroable::zeroed(); nodes.length];
             device.download(nodes, bytemuck::cast_slice_mut(&mut tree))?;

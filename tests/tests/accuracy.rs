@@ -162,16 +162,16 @@ fn a_search_that_misses_a_move_is_red() {
 }
 
 #[test]
-fn a_dual_move_that_is_worth_less_than_promised_is_red() {
-    let exaggerate = |dispatch: &Dispatch, device: &mut dyn Device| {
+fn a_dual_move_that_is_worth_more_than_promised_is_red() {
+    let understate = |dispatch: &Dispatch, device: &mut dyn Device| {
         let found = dispatch.buffers.iter().find(|buffer| buffer.label == "found").unwrap();
         change(device, found, |found: &mut [Move]| {
             if let Some(found) = found.iter_mut().find(|found| found.is_open()) {
-                found.area_decrease *= 1e4;
+                found.area_decrease *= 0.1;
             }
         })
     };
-    let [worst_first, _, _] = red_if(Kernel::DualSearch, exaggerate);
+    let [worst_first, _, _] = red_if(Kernel::DualSearch, understate);
     assert_eq!(worst_first, kinds(&[BreachKind::Search, BreachKind::Offer]));
 }
 

@@ -227,7 +227,9 @@ fn a_method_that_fails_on_a_device_is_a_row_and_leaves_no_buffers() {
         figures: true,
         peers: None,
     };
-    for (label, failing) in [("neighbours", &["ploc r=100", "prbvh, for a figure"][..]), ("found", &["prbvh"])] {
+    for (label, failing) in
+        [("neighbours", &["ploc r=100", "prbvh worst first, for a figure"][..]), ("found", &["prbvh"])]
+    {
         let device = Box::new(Refuses { device: CpuDevice::new(1).unwrap(), label });
         let mut devices: Vec<Box<dyn Device>> = vec![device];
         let mut steps = 0;

@@ -232,8 +232,7 @@ fn the_oracle_goes_red_for_weaker_rules() {
         };
         assert!(finds_a_fault(without).is_some(), "without the {name}");
     }
-    let whole =
-        |offers: &[Offer]| -> Vec<Footprint> { naive_check(offers[0].footprint.alone.children.len(), offers) };
+    let whole = |offers: &[Offer]| -> Vec<Footprint> { naive_check(offers[0].footprint.alone.children.len(), offers) };
     assert_eq!(finds_a_fault(whole), None);
 }
 

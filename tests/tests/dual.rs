@@ -2,8 +2,8 @@
 
 use prbvh_kernel::Kernel;
 use prbvh_kernel::node::{NO_NODE, Node};
-use prbvh_kernel::prbvh::dual::search::{DualParams, MAX_ROUNDS, TO_THE_ROOT};
 use prbvh_kernel::prbvh::dual::DualMove;
+use prbvh_kernel::prbvh::dual::search::{DualParams, MAX_ROUNDS, TO_THE_ROOT};
 use prbvh_kernel::prbvh::worst::books::{BOOKS_WORDS, LIST_LENGTH};
 use prbvh_kernel::prbvh::worst::keys::{IN_POOL, TIRED};
 use prbvh_kernel::prbvh::{DUAL, Move, PrbvhParams};
@@ -45,7 +45,11 @@ fn search(nodes: &[Node], list: &[u32], params: &DualParams) -> (Vec<Move>, Vec<
     assert_eq!(report[FOUND] as usize, found.iter().filter(|found| found.output != NO_NODE).count());
     for (v, key) in result.get::<u32>("keys").into_iter().enumerate() {
         let in_vain = list.iter().zip(&found).any(|(&input, found)| input == v as u32 && found.output == NO_NODE);
-        assert_eq!(key, keys[v] | if in_vain { TIRED } else { 0 }, "who is searched in vain is tired, and nobody else: {v}");
+        assert_eq!(
+            key,
+            keys[v] | if in_vain { TIRED } else { 0 },
+            "who is searched in vain is tired, and nobody else: {v}"
+        );
     }
     (found, report)
 }
@@ -145,14 +149,14 @@ fn check_iteration(tree: &NaiveTree, mu: usize, first: u32) -> NaiveTree {
     let nodes = tree.encode();
     let found: Vec<Move> = search_all(tree, mu, first).into_iter().map(|(_, found)| found).collect();
     let scale = scale_of(half_area(&tree.boxes[0]));
-    let params = PrbvhParams { count: found.len() as u32, flags: DUAL, scale, ..PrbvhParams::every(1, 0, length as u32) };
+    let params =
+        PrbvhParams { count: found.len() as u32, flags: DUAL, scale, ..PrbvhParams::every(1, 0, length as u32) };
     // A buffer has an element also where nothing is searched.
     let mut buffer = found.clone();
     buffer.resize(found.len().max(1), Move::NONE);
     let dual_of = |found: &Move| DualMove::new(&nodes[..], found);
     let open = found.iter().filter(|found| found.is_open());
-    let claimants: Vec<Claimant> =
-        open.map(|found| Claimant::alone(*found, topology(tree, &dual_of(found)))).collect();
+    let claimants: Vec<Claimant> = open.map(|found| Claimant::alone(*found, topology(tree, &dual_of(found)))).collect();
     let checked = lock_and_check(&nodes, &buffer, &vec![0; length], &params);
     assert_eq!(fault_of(&found, &claimants, &checked, scale), None);
 

@@ -30,7 +30,8 @@ fn check_climb(leaves: u32) {
     with_devices(|devices| {
         for (name, device) in devices {
             let device = &mut **device;
-            let mark = Case::new(Kernel::WorstMark, 1, &params).with(&found).with(&nodes).zeros(internal).zeros(internal);
+            let mark =
+                Case::new(Kernel::WorstMark, 1, &params).with(&found).with(&nodes).zeros(internal).zeros(internal);
             let mark = mark.zeros(2 * internal).with(&books).zeros(REPORT_WORDS as usize).run_on(device).unwrap();
             let refit = Case::new(Kernel::WorstRefit, 1, &params).with(&found).with(&nodes);
             let refit = refit.with(&mark.get::<u32>("ways")).with(&mark.get::<u32>("keys")).zeros(2 * internal);

@@ -35,7 +35,14 @@ fn broad(lock_rounds: u32, most_part: f64) -> PrbvhSettings {
     let growth = 4.0;
     PrbvhSettings {
         limits: Limits::iterations(25),
-        ..settings(WorstFirst { first: 2, growth, lock_rounds, most_part, tail_part: most_part, ..WorstFirst::default() })
+        ..settings(WorstFirst {
+            first: 2,
+            growth,
+            lock_rounds,
+            most_part,
+            tail_part: most_part,
+            ..WorstFirst::default()
+        })
     }
 }
 
@@ -167,12 +174,14 @@ fn a_planted_fault_of_a_round_is_noticed() {
     assert!(fault(&|round| round.books[length] = places as u32 + 1).contains("places"));
     assert!(fault(&|round| round.keys[pooled] ^= 1 << 10).contains("measure"));
     assert!(fault(&|round| round.keys[pooled] ^= IN_POOL).contains("in the pool"));
-    assert!(fault(&|round| {
-        round.keys[pooled] = COLD;
-        let side = round.books[FRINGE_SIDE] as usize;
-        round.books[FRINGE_LENGTH + side] = 0;
-    })
-    .contains("forgotten"));
+    assert!(
+        fault(&|round| {
+            round.keys[pooled] = COLD;
+            let side = round.books[FRINGE_SIDE] as usize;
+            round.books[FRINGE_LENGTH + side] = 0;
+        })
+        .contains("forgotten")
+    );
     assert!(fault(&|round| round.nodes[0].max[0] += 1.0).contains("stale"));
     assert!(fault(&|round| round.is_free = false).contains("locked"));
     assert!(fault(&|round| round.report[SHRUNK + 1] += 1 << 11).contains("lose"));

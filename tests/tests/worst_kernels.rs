@@ -8,7 +8,7 @@ use prbvh_kernel::prbvh::dual::DualMove;
 use prbvh_kernel::prbvh::dual::search::{DualParams, TO_THE_ROOT, search};
 use prbvh_kernel::prbvh::worst::RoundParams;
 use prbvh_kernel::prbvh::worst::books::{
-    BEGIN, BOOKS_WORDS, CLOSE, LIST_LENGTH, POOL_LENGTH, POOL_SIDE, WORST,
+    BEGIN, BOOKS_WORDS, CLOSE, LIST_LENGTH, PART, POOL_LENGTH, POOL_SIDE, TURN, WORST,
 };
 use prbvh_kernel::prbvh::worst::keys::{COLD, IN_POOL, ON_FRINGE, TIRED, measure_of, waits};
 use prbvh_kernel::prbvh::worst::select::CHUNK;
@@ -38,6 +38,8 @@ struct Pool {
     places: usize,
     keys: Vec<u32>,
     pool: Vec<u32>,
+    /// Whose turn it is: [`TURN`] and [`PART`] of the round before.
+    turn: [u32; 2],
 }
 
 impl Pool {
@@ -52,7 +54,7 @@ impl Pool {
         let keys = (0..places).map(&mut key).collect();
         let mut pool: Vec<u32> = (3..places as u32).collect();
         pool.sort_by_key(|v| v.wrapping_mul(0x85eb_ca6b));
-        Self { places, keys, pool }
+        Self { places, keys, pool, turn: [0, 0] }
     }
 
     fn waiting(&self) -> BTreeSet<u32> {
@@ -66,15 +68,17 @@ struct Selected {
     list: Vec<u32>,
     pool: Vec<u32>,
     keys: Vec<u32>,
+    turn: [u32; 2],
 }
 
 /// Count, threshold and selection on a device.
 fn select(pool: &Pool, wanted: u32, device: &mut dyn Device) -> Selected {
-    let Pool { places, keys, pool } = pool;
+    let Pool { places, keys, pool, turn } = pool;
     let mut sides = vec![0u32; 2 * places];
     sides[*places..][..pool.len()].copy_from_slice(pool);
     let mut books = vec![0u32; BOOKS_WORDS as usize];
     (books[POOL_SIDE], books[POOL_LENGTH + 1]) = (1, pool.len() as u32);
+    [books[TURN], books[PART]] = *turn;
     let chunks = (pool.len() as u32).div_ceil(CHUNK);
     let params = RoundParams { count: chunks, ..round(*places, WORST, wanted) };
     let counted = Case::new(Kernel::WorstCount, chunks, &params).with(&sides).with(keys).with(&books);
@@ -90,7 +94,7 @@ fn select(pool: &Pool, wanted: u32, device: &mut dyn Device) -> Selected {
     assert_eq!(books[POOL_SIDE], 0, "the other side");
     let mut pool: Vec<u32> = result.get("pool");
     pool.truncate(books[POOL_LENGTH] as usize);
-    Selected { list, pool, keys: result.get("keys") }
+    Selected { list, pool, keys: result.get("keys"), turn: [books[TURN], books[PART]] }
 }
 
 /// What is wrong with a selection: the worst are on the list, who waits stays in the pool, who is tired leaves it.
@@ -108,7 +112,8 @@ fn selection_fault(before: &Pool, after: &Selected, wanted: usize) -> Option<Str
         return Some("who does not wait is on the list".to_owned());
     }
     let leaves = |v: &u32| !waiting.contains(v) && before.keys[*v as usize] & IN_POOL != 0;
-    let expected = (0..before.places as u32).map(|v| before.keys[v as usize] & if leaves(&v) { !IN_POOL } else { u32::MAX });
+    let expected =
+        (0..before.places as u32).map(|v| before.keys[v as usize] & if leaves(&v) { !IN_POOL } else { u32::MAX });
     if !expected.eq(after.keys.iter().copied()) {
         return Some("keys".to_owned());
     }
@@ -127,7 +132,9 @@ fn selection_fault(before: &Pool, after: &Selected, wanted: usize) -> Option<Str
 
 #[test]
 fn the_worst_of_the_pool_are_on_the_list() {
-    for (places, octaves, wanted) in [(4, 2.0, 1), (300, 30.0, 32), (3000, 8.0, 100), (3000, 0.1, 100), (3000, 60.0, 9000)] {
+    for (places, octaves, wanted) in
+        [(4, 2.0, 1), (300, 30.0, 32), (3000, 8.0, 100), (3000, 0.1, 100), (3000, 60.0, 9000)]
+    {
         let pool = Pool::new(places, octaves, 20, 5);
         selected_everywhere(&pool, wanted);
     }
@@ -178,8 +185,13 @@ fn everybody_is_searched_in_the_end() {
         let mut rounds = 0;
         while !pool.waiting().is_empty() {
             let selected = with_devices(|devices| select(&pool, 60, &mut *devices[0].1));
-            assert!(!selected.list.is_empty(), "{} wait, and after {rounds} rounds none is searched", pool.waiting().len());
+            assert!(
+                !selected.list.is_empty(),
+                "{} wait, and after {rounds} rounds none is searched",
+                pool.waiting().len()
+            );
             pool.keys = selected.keys;
+            pool.turn = selected.turn;
             selected.list.iter().for_each(|&v| pool.keys[v as usize] |= TIRED);
             pool.pool = selected.pool;
             rounds += 1;
@@ -208,7 +220,8 @@ fn unfold(nodes: &[Node], device: &mut dyn Device) -> Vec<Round> {
     };
     let mut stages = Vec::new();
     while !state.on_fringe().unwrap().is_empty() {
-        let case = Case::new(Kernel::WorstUnfold, places as u32, &params(places as u32, 0)).with(nodes).with(&state.keys);
+        let case =
+            Case::new(Kernel::WorstUnfold, places as u32, &params(places as u32, 0)).with(nodes).with(&state.keys);
         let result = case.with(&state.fringe).with(&state.pool).with(&state.books).run_on(device).unwrap();
         state = Round { keys: result.get("keys"), fringe: result.get("fringe"), pool: result.get("pool"), ..state };
         let close = Case::new(Kernel::WorstBooks, 1, &params(1, CLOSE)).with(&result.get::<u32>("books"));
@@ -324,7 +337,10 @@ fn a_planted_fault_of_a_round_of_locks_is_noticed() {
     let winner = right.found.iter().position(Move::has_won).unwrap();
     let loser = right.found.iter().position(|found| !found.has_won()).unwrap();
     assert!(fault(&|checked| checked.found[winner].input &= !WON).contains("has won"));
-    assert!(fault(&|checked| checked.found[loser] = Move { input: loser as u32 | WON, output: 5, ..Move::NONE }).contains("has won"));
+    assert!(
+        fault(&|checked| checked.found[loser] = Move { input: loser as u32 | WON, output: 5, ..Move::NONE })
+            .contains("has won")
+    );
     assert!(fault(&|checked| checked.locks[7] = u64::MAX).contains("7 is not free"));
     // One round less is another result.
     assert!(rounds_fault(&claimants, &lock_rounds(&nodes, &found, &dual_params(&found, &nodes), 1), 2).is_some());

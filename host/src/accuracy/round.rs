@@ -5,8 +5,8 @@ use crate::bvh::SahModel;
 use crate::optimize::{DualRound, IterationRow};
 use prbvh_kernel::mem::AtomicU32;
 use prbvh_kernel::node::{NO_NODE, Node, ROOT};
-use prbvh_kernel::prbvh::dual::search::{DualParams, search};
 use prbvh_kernel::prbvh::Move;
+use prbvh_kernel::prbvh::dual::search::{DualParams, search};
 use prbvh_kernel::status::REPORT_WORDS;
 use prbvh_kernel::sum::scale_of;
 use rayon::prelude::*;
@@ -36,7 +36,8 @@ pub(super) fn check_round(before: &[Node], row: &IterationRow, round: &DualRound
         fault(BreachKind::Search, format!("the search found {found:?}, and {expected:?} on the host"));
     }
     let offered: Vec<&(Move, Move)> = pairs.iter().filter(|(expected, _)| expected.output != NO_NODE).collect();
-    let offers: Vec<Option<Offer>> = offered.par_iter().map(|(expected, found)| offer(before, expected, found)).collect();
+    let offers: Vec<Option<Offer>> =
+        offered.par_iter().map(|(expected, found)| offer(before, expected, found)).collect();
     if let Some(((expected, _), _)) = offered.iter().zip(&offers).find(|(_, offer)| offer.is_none()) {
         fault(BreachKind::Search, format!("{expected:?} is no move"));
     }

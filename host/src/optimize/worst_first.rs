@@ -8,9 +8,7 @@ use crate::device::{Buffer, Device, DeviceError, Recording};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::prbvh::dual::search::{DualParams, TO_THE_ROOT};
 use prbvh_kernel::prbvh::worst::RoundParams;
-use prbvh_kernel::prbvh::worst::books::{
-    BEGIN, CLOSE, EPOCH, LIST, OVER_FRINGE, OVER_LIST, OVER_POOL, WORST,
-};
+use prbvh_kernel::prbvh::worst::books::{BEGIN, CLOSE, EPOCH, LIST, OVER_FRINGE, OVER_LIST, OVER_POOL, WORST};
 use prbvh_kernel::prbvh::{DUAL, PrbvhParams, ROUNDS};
 use prbvh_kernel::status::{FAULTS, FRINGE, GREW, REPORT_WORDS, SEARCHED, SHRUNK, WAITING};
 use prbvh_kernel::sum::{scale_of, to_f64};
@@ -22,6 +20,8 @@ const POOL: u32 = 16;
 /// Rounds of one submission: the first ones are short, and the host would take as long as they.
 const AT_ONCE: [u32; 4] = [6, 4, 3, 2];
 const MOST_AT_ONCE: u32 = AT_ONCE[0];
+/// A part of the nodes that is so small that no round of a submission is the last.
+const FEW_OF: f64 = 256.0;
 
 pub(super) fn run(
     device: &mut dyn Device,
@@ -35,11 +35,8 @@ pub(super) fn run(
     let working_bytes = device.memory().bytes;
     let (areas, faults) = session.begin(device, areas, 1)?;
     let mut rounds = Rounds { lists, areas, scale: scale_of(areas.root), lost: 0.0, best_cost: session.row().cost };
-    let stop = if faults == 0 {
-        rounds.run(&mut session, device, settings, observe)?
-    } else {
-        StopReason::Fault(faults)
-    };
+    let stop =
+        if faults == 0 { rounds.run(&mut session, device, settings, observe)? } else { StopReason::Fault(faults) };
     // The last tree may be worse than one before it, or none.
     let is_last_best = session.row().cost <= rounds.best_cost && !matches!(stop, StopReason::Fault(_));
     if session.rows.len() > 1 && !is_last_best || matches!(stop, StopReason::Fault(_)) && faults == 0 {
@@ -103,7 +100,13 @@ impl Rounds {
     ) -> Result<StopReason, DeviceError> {
         let WorstFirst { first, most_part, tail_part, climb, slack, .. } = settings.worst_first;
         let part = |part: f64| (part * f64::from(session.internal)).max(f64::from(first));
-        let mut parts = vec![Search { first: first.into(), most: part(most_part), both_orders: false, climb: climb.min(TO_THE_ROOT), slack }];
+        let mut parts = vec![Search {
+            first: first.into(),
+            most: part(most_part),
+            both_orders: false,
+            climb: climb.min(TO_THE_ROOT),
+            slack,
+        }];
         if tail_part > 0.0 {
             let most = part(tail_part);
             parts.push(Search { first: most, most, both_orders: true, climb: TO_THE_ROOT, slack: 0.0 });
@@ -130,6 +133,7 @@ impl Rounds {
         let mut idle = 0;
         let mut settled_at = self.best_cost;
         let mut submissions = 0;
+        let mut found_nothing = false;
         let begins_at = session.row().iteration;
         if begins_at == 0 && observe(session.row(), session.tree, device).is_break() {
             return Ok(Some(StopReason::Cancelled));
@@ -144,7 +148,11 @@ impl Rounds {
             }
             // Whoever asks for an early end does not want a round more than that takes.
             let Limits { max_time, target_cost, .. } = settings.limits;
-            let row_by_row = settings.worst_first.row_by_row || max_time.is_some() || target_cost.is_some();
+            let row_by_row = settings.worst_first.row_by_row
+                || max_time.is_some()
+                || target_cost.is_some()
+                || f64::from(session.internal) < FEW_OF * wanted
+                || found_nothing;
             let at_once = if row_by_row { 1 } else { AT_ONCE.get(submissions).copied().unwrap_or(1) };
             let at_once = at_once.min(settings.limits.max_iterations - done);
             let mut recording = Recording::new();
@@ -184,6 +192,11 @@ impl Rounds {
                 if report[SEARCHED] + report[WAITING] + report[FRINGE] == 0 {
                     idle = patience;
                 }
+            }
+            // Where nothing is to be gained, soon nobody should be left.
+            found_nothing = session.rows[before..].iter().all(|row| row.found == 0);
+            if found_nothing {
+                wanted = (4.0 * wanted).min(search.most);
             }
             // The tree is that of the last row.
             if session.rows[before..].iter().any(|row| observe(row, session.tree, device).is_break()) {
@@ -229,15 +242,7 @@ impl Rounds {
         let Lists { keys, pool, fringe, .. } = &self.lists;
         let books = &session.moves.books;
         let buffers = [&session.tree.nodes, keys, fringe, pool, books];
-        recording.dispatch_counted(
-            "unfold",
-            Kernel::WorstUnfold,
-            params.count,
-            params,
-            &buffers,
-            books,
-            OVER_FRINGE,
-        );
+        recording.dispatch_counted("unfold", Kernel::WorstUnfold, params.count, params, &buffers, books, OVER_FRINGE);
     }
 
     fn record_round(

@@ -51,9 +51,7 @@ impl Purpose {
     fn usage(self) -> vk::BufferUsageFlags {
         let transfer = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
         match self {
-            Self::Storage(_) => {
-                transfer | vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::INDIRECT_BUFFER
-            }
+            Self::Storage(_) => transfer | vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::INDIRECT_BUFFER,
             Self::Staging => transfer,
         }
     }

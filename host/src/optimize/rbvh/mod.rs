@@ -155,7 +155,8 @@ impl Run {
     /// SAH cost of the tree, one triangle per leaf.
     fn cost(&self) -> f64 {
         let tree = &self.tree;
-        TreeAreas { root: tree.root_area(), leaves: tree.leaf_area(), internal: tree.internal_area() }.cost(tree.internal() + 1)
+        TreeAreas { root: tree.root_area(), leaves: tree.leaf_area(), internal: tree.internal_area() }
+            .cost(tree.internal() + 1)
     }
 
     fn batch(&mut self, settings: &RbvhSettings, iteration: u32, source: Source) -> IterationRow {

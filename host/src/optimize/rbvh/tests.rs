@@ -20,7 +20,8 @@ fn checked(tree: &RbvhTree, triangles: &[Triangle]) -> Bvh {
 }
 
 fn cost(tree: &RbvhTree) -> f64 {
-    TreeAreas { root: tree.root_area(), leaves: tree.leaf_area(), internal: tree.internal_area() }.cost(tree.internal() + 1)
+    TreeAreas { root: tree.root_area(), leaves: tree.leaf_area(), internal: tree.internal_area() }
+        .cost(tree.internal() + 1)
 }
 
 fn eligible(tree: &RbvhTree) -> Vec<u32> {

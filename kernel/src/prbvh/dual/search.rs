@@ -88,13 +88,7 @@ struct Above {
 
 /// Climbs until the box of an ancestor is the same without the input: all above it add nothing.
 #[inline(always)]
-fn above<T: WholeNodes + ?Sized>(
-    input: u32,
-    first: &Placed,
-    second: &Placed,
-    nodes: &T,
-    rounds: &mut Rounds,
-) -> Above {
+fn above<T: WholeNodes + ?Sized>(input: u32, first: &Placed, second: &Placed, nodes: &T, rounds: &mut Rounds) -> Above {
     let mut family = nodes.family(nodes.whole(input));
     let mut sums = Above {
         decrease: family.parent_node.aabb().half_area() + nodes.box_of(input).half_area(),

@@ -8,9 +8,7 @@ use crate::grid;
 use crate::math::{umax, umin};
 use crate::mem::{AtomicU32, Slot};
 use crate::node::ROOT;
-use crate::status::{
-    self, FAULT_BROKEN_TREE, FAULTS, FRINGE, GREW, MARKED, REFITTED, SEARCHED, SHRUNK, WAITING,
-};
+use crate::status::{self, FAULT_BROKEN_TREE, FAULTS, FRINGE, GREW, MARKED, REFITTED, SEARCHED, SHRUNK, WAITING};
 use crate::sum::Sum;
 
 /// Words of the books.

@@ -33,7 +33,11 @@ pub fn measure(area: f32, left_area: f32, right_area: f32) -> u32 {
     let smaller = max(min(left_area, right_area), least);
     let measure = area * (area * reciprocal(mean)) * (area * reciprocal(smaller));
     // Not a number that is no area; its reciprocal has no meaning either.
-    if area > f32::MIN_POSITIVE && measure > f32::MIN_POSITIVE { measure.to_bits() & !(TIRED | IN_POOL) } else { HOPELESS }
+    if area > f32::MIN_POSITIVE && measure > f32::MIN_POSITIVE {
+        measure.to_bits() & !(TIRED | IN_POOL)
+    } else {
+        HOPELESS
+    }
 }
 
 /// The key of a node that was not searched yet.

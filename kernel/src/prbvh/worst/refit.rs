@@ -45,7 +45,10 @@ pub fn mark(
                 let right = nodes.up(left);
                 for side_of in 0..2u32 {
                     let child = if side_of == 0 { left } else { right };
-                    if child < places && keys[child as usize].load() == COLD && keys[child as usize].swap(ON_FRINGE) == COLD {
+                    if child < places
+                        && keys[child as usize].load() == COLD
+                        && keys[child as usize].swap(ON_FRINGE) == COLD
+                    {
                         push(fringe, places, side, length, child);
                     }
                 }

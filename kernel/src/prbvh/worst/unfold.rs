@@ -3,7 +3,7 @@
 //! Kind: walks from the nodes of the fringe. More than one may come to a node: the first to exchange its key decides, and all would do the same.
 
 use super::RoundParams;
-use super::books::{FRINGE_LENGTH, FRINGE_SIDE, POOL_LENGTH, POOL_SIDE, MOST_STAGES, STAGE, UNFOLDS};
+use super::books::{FRINGE_LENGTH, FRINGE_SIDE, MOST_STAGES, POOL_LENGTH, POOL_SIDE, STAGE, UNFOLDS};
 use super::keys::{COLD, IN_POOL, ON_FRINGE, fresh, measure, push, waits};
 use crate::math::umin;
 use crate::mem::{AtomicU32, Slot};
@@ -35,11 +35,7 @@ pub fn unfold(
     let stage = books[STAGE].load();
     let bits = params.root_area.to_bits();
     // A quarter is two less in the exponent.
-    let least = if stage < MOST_STAGES {
-        f32::from_bits(bits - umin(bits, stage << 24))
-    } else {
-        0.0
-    };
+    let least = if stage < MOST_STAGES { f32::from_bits(bits - umin(bits, stage << 24)) } else { 0.0 };
     let to_fringe = &books[FRINGE_LENGTH + (side ^ 1) as usize];
     let pool_side = books[POOL_SIDE].load();
     let to_pool = &books[POOL_LENGTH + pool_side as usize];
