@@ -120,13 +120,13 @@ pub const CANDIDATES: &[Candidate] = &[
     tried(From::Atrbvh, Then::published(9, 1e-3)),
     tried(From::Atrbvh, Then::published(9, 1e-4)),
     tried(From::Atrbvh, Then::published(1, 1e-5)),
-    tried(From::Lbvh, Then::worst_first(0.02, 0.0)),
-    tried(From::Lbvh, Then::worst_first(0.02, 0.05)),
+    chosen(Preset::Balanced, From::Lbvh, Then::worst_first(0.02, 0.0)),
+    chosen(Preset::Best, From::Lbvh, Then::worst_first(0.02, 0.05)),
     tried(From::Ploc, Then::worst_first(0.02, 0.0)),
-    chosen(Preset::Balanced, From::Atrbvh, Then::worst_first(0.02, 0.0)),
+    tried(From::Atrbvh, Then::worst_first(0.02, 0.0)),
     tried(From::Ploc, Then::worst_first(0.02, 0.05)),
     tried(From::Atrbvh, Then::worst_first(0.02, 0.05)),
-    chosen(Preset::Best, From::Atrbvh, Then::Rbvh),
+    tried(From::Atrbvh, Then::Rbvh),
 ];
 
 impl Candidate {

@@ -125,7 +125,7 @@ pub fn verdicts(experiment: &str, results: &[SceneResult]) -> Vec<Verdict> {
         .collect();
     let most = |what: &str, value: f64, bound: f64, digits| {
         Verdict::at_most(
-            format!("{experiment}: {what}, ≤ {}", format!("{bound:.3}").trim_end_matches('0')),
+            format!("{experiment}: {what}, ≤ {}", format!("{bound:.3}").trim_end_matches('0').trim_end_matches('.')),
             value,
             bound,
             digits,
