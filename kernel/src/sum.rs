@@ -26,7 +26,8 @@ impl Sum {
         const WORD: f32 = 4_294_967_296.0;
         let scaled = term * scale;
         // Not below: what a conversion makes of a number that does not fit is left to the driver.
-        if scaled >= 1.0 && scaled < WORD * WORD {
+        let fits = scaled < WORD * WORD;
+        if fits && scaled >= 1.0 {
             let high = (scaled * (1.0 / WORD)) as u32;
             // Exact: what is left has some of the 24 digits of the term.
             let low = (scaled - high as f32 * WORD) as u32;

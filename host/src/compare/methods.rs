@@ -31,7 +31,7 @@ pub struct Job {
 #[derive(Clone, Debug)]
 pub(super) enum Builder {
     /// The tree of the settings, on a device.
-    Pipeline(Settings),
+    Pipeline(Box<Settings>),
     /// On the host alone, from triangles in the safe range.
     Host {
         /// Threads that it takes; none: as many as there are to be.
@@ -126,19 +126,19 @@ const METHODS: &[Entry] = &[
 
 fn initial(method: String, initial: Initial) -> Job {
     let settings = Settings { initial, optimizer: Optimizer::None, ..Settings::default() };
-    Job { method, mu: None, builder: Builder::Pipeline(settings) }
+    Job { method, mu: None, builder: Builder::Pipeline(Box::new(settings)) }
 }
 
 /// PRBVH as published, with `settings` but for order and first µ.
 pub(super) fn published(settings: Settings, mu: u32) -> Job {
     let prbvh = PrbvhSettings { order: Order::Published, mu, ..settings.prbvh.clone() };
-    Job { method: "prbvh".to_owned(), mu: Some(mu), builder: Builder::Pipeline(Settings { prbvh, ..settings }) }
+    Job { method: "prbvh".to_owned(), mu: Some(mu), builder: Builder::Pipeline(Box::new(Settings { prbvh, ..settings })) }
 }
 
 /// PRBVH, the worst nodes first, with `settings` but for the order.
 pub(super) fn worst_first(settings: Settings) -> Job {
     let prbvh = PrbvhSettings { order: Order::WorstFirst, ..settings.prbvh.clone() };
-    let builder = Builder::Pipeline(Settings { prbvh, ..settings });
+    let builder = Builder::Pipeline(Box::new(Settings { prbvh, ..settings }));
     Job { method: "prbvh worst first".to_owned(), mu: None, builder }
 }
 
@@ -147,7 +147,7 @@ fn candidate(candidate: &Candidate) -> Option<Job> {
     let settings = candidate.settings();
     settings.initial.check().ok()?;
     // µ is part of the name, with all else.
-    Some(Job { method: candidate.to_string(), mu: None, builder: Builder::Pipeline(settings) })
+    Some(Job { method: candidate.to_string(), mu: None, builder: Builder::Pipeline(Box::new(settings)) })
 }
 
 fn host(method: &str, build: fn(&[Triangle]) -> Result<HostBuilt, MethodError>) -> Job {

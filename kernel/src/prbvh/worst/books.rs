@@ -97,8 +97,8 @@ fn run_over(books: &[AtomicU32], at: usize, count: u32) {
 
 #[inline(always)]
 fn begin(params: &RoundParams, books: &[AtomicU32], fringe: &[Slot<u32>]) {
-    for word in 0..EPOCH {
-        books[word].store(0);
+    for word in 0..EPOCH as u32 {
+        books[word as usize].store(0);
     }
     if books[EPOCH].load() == 0 {
         books[EPOCH].store(1);

@@ -33,8 +33,8 @@ pub fn mark(
         let side = books[FRINGE_SIDE].load() ^ books[UNFOLDS].load();
         let length = &books[FRINGE_LENGTH + side as usize];
         let changed = [own.output, own.other, own.input(), nodes.parent(own.other), nodes.parent(own.input())];
-        for k in 0..5 {
-            let v = changed[k];
+        for k in 0..5u32 {
+            let v = changed[k as usize];
             if v != NO_NODE {
                 if keys[v as usize].load() & IN_POOL != 0 {
                     keys[v as usize].store(STALE | IN_POOL);
