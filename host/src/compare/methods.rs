@@ -132,7 +132,11 @@ fn initial(method: String, initial: Initial) -> Job {
 /// PRBVH as published, with `settings` but for order and first µ.
 pub(super) fn published(settings: Settings, mu: u32) -> Job {
     let prbvh = PrbvhSettings { order: Order::Published, mu, ..settings.prbvh.clone() };
-    Job { method: "prbvh".to_owned(), mu: Some(mu), builder: Builder::Pipeline(Box::new(Settings { prbvh, ..settings })) }
+    Job {
+        method: "prbvh".to_owned(),
+        mu: Some(mu),
+        builder: Builder::Pipeline(Box::new(Settings { prbvh, ..settings })),
+    }
 }
 
 /// PRBVH, the worst nodes first, with `settings` but for the order.

@@ -137,7 +137,7 @@ impl Decide<'_> {
     fn optimizer(&self) -> Result<Vec<Item>, DeviceError> {
         let prbvh = &self.settings.prbvh;
         let taken = &self.taken[optimizer_of(prbvh)];
-        let per_iteration = |dispatches: u64| dispatches / u64::from(ITERATIONS);
+        let per_iteration = |dispatches: u64| dispatches / taken.iterations.max(1);
         if self.settings.optimizer != Optimizer::Prbvh {
             let why = format!("the optimiser is {}", self.settings.optimizer);
             let mut item = item(Omission::DeviceOptimizer, Status::LeftOut, why);
@@ -209,7 +209,7 @@ impl Decide<'_> {
             PrbvhSettings { worst_first: WorstFirst { lock_rounds: 2, ..worst_first }, ..self.settings.prbvh.clone() };
         let two = self.optimize(two, self.info.atomics_64, ITERATIONS)?;
         let one = &self.taken[optimizer_of(&self.settings.prbvh)];
-        item.saved.dispatches_per_iteration = (two.dispatches - one.dispatches) / u64::from(ITERATIONS);
+        item.saved.dispatches_per_iteration = (two.dispatches - one.dispatches) / two.iterations.max(1);
         Ok(item)
     }
 

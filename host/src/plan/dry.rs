@@ -19,6 +19,7 @@ pub(super) struct DryDevice {
     memory: MemoryUse,
     largest: Option<Buffer>,
     dispatches: u64,
+    iterations: u64,
     kernels: BTreeSet<Kernel>,
     next_id: u32,
 }
@@ -28,6 +29,8 @@ pub(super) struct DryDevice {
 pub(super) struct Taken {
     pub(super) peak_bytes: u64,
     pub(super) dispatches: u64,
+    /// Iterations that were made: an optimiser ends early where it finds nothing to do.
+    pub(super) iterations: u64,
     /// Those that it runs on some data are among them.
     pub(super) kernels: BTreeSet<Kernel>,
 }
@@ -47,11 +50,24 @@ impl DryDevice {
     /// A device like the one with `info`, but without its limits.
     pub(super) fn new(info: &DeviceInfo) -> Self {
         let info = DeviceInfo { max_buffer_bytes: u64::MAX, memory_bytes: 0, ..info.clone() };
-        Self { info, memory: MemoryUse::default(), largest: None, dispatches: 0, kernels: BTreeSet::new(), next_id: 0 }
+        Self {
+            info,
+            memory: MemoryUse::default(),
+            largest: None,
+            dispatches: 0,
+            iterations: 0,
+            kernels: BTreeSet::new(),
+            next_id: 0,
+        }
     }
 
     pub(super) fn taken(&self) -> Taken {
-        Taken { peak_bytes: self.memory.peak_bytes, dispatches: self.dispatches, kernels: self.kernels.clone() }
+        Taken {
+            peak_bytes: self.memory.peak_bytes,
+            dispatches: self.dispatches,
+            iterations: self.iterations,
+            kernels: self.kernels.clone(),
+        }
     }
 
     pub(super) fn phase(&self, phase: String, runs: bool) -> PhaseBytes {
@@ -107,7 +123,8 @@ impl DryDevice {
     ) -> Result<(), DeviceError> {
         let tree = self.tree(triangles)?;
         let settings = PrbvhSettings { limits: Limits::iterations(iterations), ..settings };
-        prbvh(self, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(()))?;
+        let outcome = prbvh(self, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(()))?;
+        self.iterations = outcome.rows.len() as u64 - 1;
         tree.free(self);
         Ok(())
     }
