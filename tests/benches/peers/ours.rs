@@ -75,7 +75,6 @@ fn schedules() -> Vec<Configuration> {
     let default = WorstFirst::default();
     let tried = [
         worst_first("", default),
-        worst_first(" from 8 by 1.3", WorstFirst { first: 8, growth: 1.3, ..default }),
         worst_first(" from 64", WorstFirst { first: 64, ..default }),
         ("published µ=9 ε=0.0001".to_owned(), Family::Published, PrbvhSettings::published()),
     ];
