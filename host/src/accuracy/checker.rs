@@ -61,7 +61,9 @@ impl<'a> NumericsCheck<'a> {
 
     /// Takes the next iteration, from row 0 on, and the tree after it. Breaks where the device fails.
     pub fn observe(&mut self, row: &IterationRow, mut tree: CurrentTree<'_>) -> ControlFlow<()> {
-        let is_round = self.searches == Searches::WorstFirst && row.iteration > 0;
+        let is_worst_first = self.searches == Searches::WorstFirst && row.iteration > 0;
+        // A new top is none.
+        let is_round = is_worst_first && row.searched > 0;
         let round = if is_round { tree.dual_round(row.searched) } else { Ok(None) };
         let (nodes, round) = match (tree.nodes(), round) {
             (Ok(nodes), Ok(round)) => (nodes, round),
@@ -84,12 +86,12 @@ impl<'a> NumericsCheck<'a> {
         };
         if row.iteration == 0 {
             self.changes.initial = exact_cost;
-        } else if let (true, Some((before, _))) = (is_round, &self.before) {
+        } else if let (true, Some((before, _))) = (is_worst_first, &self.before) {
             let (cost, count) = tree.on_host(|| changed(before, &nodes));
             self.changes =
                 Changes { cost: self.changes.cost + cost, count: self.changes.count + count, ..self.changes };
         }
-        let cost_bound = if is_round { self.changes.cost_bound(exact_cost) } else { F32_COST_BOUND };
+        let cost_bound = if is_worst_first { self.changes.cost_bound(exact_cost) } else { F32_COST_BOUND };
         let mut checked = AccuracyRow {
             iteration: row.iteration,
             time_s: row.time_s,
@@ -110,6 +112,7 @@ impl<'a> NumericsCheck<'a> {
             checked.measured_decrease = cost_before - exact_cost;
             match self.searches {
                 Searches::None => {}
+                Searches::WorstFirst if !is_round => self.new_top(row, &mut checked),
                 Searches::WorstFirst => self.round(row, &mut checked, &before, round.as_ref(), &tree),
                 Searches::Published(strategy) => {
                     let params = searched(row, &before);
@@ -161,6 +164,13 @@ impl<'a> NumericsCheck<'a> {
         checked.search = Some(search);
     }
 
+    /// What a new top is worth is the difference of two sums; nothing is searched that could promise more.
+    fn new_top(&mut self, row: &IterationRow, checked: &mut AccuracyRow) {
+        let bound = checked.cost_bound * (2.0 * checked.exact_cost + checked.measured_decrease.abs());
+        checked.prediction_bound = Some(bound);
+        self.predicted(row, checked, bound);
+    }
+
     fn search(&mut self, row: &IterationRow, checked: &mut AccuracyRow, params: &PrbvhParams, found: &[Offer]) {
         let search = SearchAccuracy::of(params.count, found);
         if search.offered != u64::from(row.found) {
@@ -182,6 +192,10 @@ impl<'a> NumericsCheck<'a> {
         let of_costs = f64::EPSILON * before.len() as f64 * (checked.exact_cost + checked.measured_decrease.abs());
         let bound = of_terms + of_sums + of_costs;
         checked.prediction_bound = Some(bound);
+        self.predicted(row, checked, bound);
+    }
+
+    fn predicted(&mut self, row: &IterationRow, checked: &AccuracyRow, bound: f64) {
         let apart = (checked.measured_decrease - row.predicted_decrease).abs();
         if !is_at_most(apart, bound) {
             let (measured, predicted) = (checked.measured_decrease, row.predicted_decrease);

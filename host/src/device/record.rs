@@ -21,6 +21,11 @@ impl Buffer {
     pub fn bytes(&self) -> u64 {
         self.length as u64 * self.element_bytes as u64
     }
+
+    /// The same buffer as words of 32 bits.
+    pub(crate) fn as_words(&self) -> Self {
+        Self { length: self.length * (self.element_bytes / 4), element_bytes: 4, ..self.clone() }
+    }
 }
 
 /// One kernel over a number of invocations.

@@ -100,9 +100,14 @@ impl Measure {
         self.record_sum(recording, 0, internal, 0);
         self.record_sum(recording, internal, leaves, internal_chunks);
         self.record_sum(recording, 0, 1, chunks);
+        self.record_no_arrivals(recording);
+        chunks
+    }
+
+    /// Records that nobody has come to a node, after a refit of all: as a refit of paths finds it.
+    pub(super) fn record_no_arrivals(&mut self, recording: &mut Recording) {
         recording.clear("refit", &self.arrivals);
         self.arrived = 0;
-        chunks
     }
 
     /// All sums of the tree as it comes, refitted whole.

@@ -4,6 +4,7 @@ mod areas;
 mod current;
 mod limits;
 mod moves;
+mod new_top;
 mod prbvh;
 mod published;
 mod rbvh;

@@ -152,6 +152,11 @@ impl Moves {
         recording.dispatch(label, Kernel::WorstBooks, 1, &params, &[&self.books, fringe, &self.report]);
     }
 
+    /// Other children for [`Moves::record_restore`] than those of the best tree.
+    pub(super) fn replace_kept(&self, device: &mut dyn Device, kept: &[Kept]) -> Result<(), DeviceError> {
+        device.upload(&self.kept, bytemuck::cast_slice(kept))
+    }
+
     /// Records that the best tree comes back, without its boxes.
     pub(super) fn record_restore(&self, recording: &mut Recording, internal: u32, epoch: u32) {
         let params = RestoreParams { count: internal, epoch };

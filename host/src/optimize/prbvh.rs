@@ -160,7 +160,7 @@ impl<'a> Session<'a> {
         &self.rows[self.rows.len() - 1]
     }
 
-    fn take_note(&mut self, timings: Vec<Timing>) {
+    pub(super) fn take_note(&mut self, timings: Vec<Timing>) {
         self.device_s += timings.iter().map(|timing| timing.seconds).sum::<f64>();
         self.timings.extend(timings);
     }
@@ -237,11 +237,29 @@ impl<'a> Session<'a> {
         self.rows.push(row);
     }
 
+    /// The row of an iteration that built a new top, after which the tree has this cost.
+    pub(super) fn push_new_top(&mut self, cost: f64, visits: u32) {
+        let clock = self.clock();
+        let before = self.row();
+        let row = IterationRow {
+            iteration: before.iteration + 1,
+            mu: 1,
+            time_s: clock.time_s,
+            device_s: clock.device_s,
+            cost,
+            predicted_decrease: before.cost - cost,
+            visits,
+            ..IterationRow::default()
+        };
+        self.rows.push(row);
+    }
+
     /// Brings the best tree back, with all boxes made anew.
     pub(super) fn restore(&mut self, device: &mut dyn Device, epoch: u32) -> Result<(), DeviceError> {
         let mut recording = Recording::new();
         self.moves.record_restore(&mut recording, self.internal, epoch);
         self.measure.record_refit(&mut recording);
+        self.measure.record_no_arrivals(&mut recording);
         self.submit(device, &recording)
     }
 

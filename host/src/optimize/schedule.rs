@@ -56,6 +56,8 @@ pub struct WorstFirst {
     pub patience: u32,
     /// Nodes of a round of the tail, in which all nodes are searched again, each child first, and to the root; 0 for no tail.
     pub tail_part: f64,
+    /// Nodes of the top of the tree, about, that is built anew before the tail, with several beginnings, at most an eighth of all; 0 for never.
+    pub top: u32,
     /// Whether the host looks at every round by itself: then an observer finds the tree of its row. Else the first rounds run together.
     pub row_by_row: bool,
 }
@@ -72,6 +74,7 @@ impl Default for WorstFirst {
             settles: 1e-5,
             patience: 2,
             tail_part: 0.02,
+            top: 4000,
             row_by_row: false,
         }
     }

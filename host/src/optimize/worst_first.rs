@@ -1,6 +1,7 @@
-//! Worst first: rounds of dual moves of the nodes that look worst, few at first and then ever more; the broad tail at the end
-//! ([`prbvh_kernel::prbvh::worst`]).
+//! Worst first: rounds of dual moves of the nodes that look worst, few at first and then ever more ([`prbvh_kernel::prbvh::worst`]); where they settle, new
+//! [tops](super::new_top); the broad tail at the end.
 
+use super::new_top;
 use super::prbvh::{Observe, Outcome, Session};
 use super::{Limits, PrbvhSettings, StopReason, TreeAreas, WorstFirst};
 use crate::build::DeviceTree;
@@ -8,7 +9,9 @@ use crate::device::{Buffer, Device, DeviceError, Recording};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::prbvh::dual::search::{DualParams, TO_THE_ROOT};
 use prbvh_kernel::prbvh::worst::RoundParams;
-use prbvh_kernel::prbvh::worst::books::{BEGIN, CLOSE, EPOCH, LIST, OVER_FRINGE, OVER_LIST, OVER_POOL, WORST};
+use prbvh_kernel::prbvh::worst::books::{
+    BEGIN, BEST, CLOSE, EPOCH, LIST, MOST_STAGES, OVER_FRINGE, OVER_LIST, OVER_POOL, WORST,
+};
 use prbvh_kernel::prbvh::{DUAL, PrbvhParams, ROUNDS};
 use prbvh_kernel::status::{FAULTS, FRINGE, GREW, REPORT_WORDS, SEARCHED, SHRUNK, WAITING};
 use prbvh_kernel::sum::{scale_of, to_f64};
@@ -20,6 +23,12 @@ const POOL: u32 = 16;
 /// Rounds of one submission: the first ones are short, and the host would take as long as they.
 const AT_ONCE: [u32; 4] = [6, 4, 3, 2];
 const MOST_AT_ONCE: u32 = AT_ONCE[0];
+/// Sizes of the tops that are built anew, one after another, as parts of the largest.
+const TOPS: [u32; 3] = [2, 8, 1];
+/// As many times the nodes of the largest top a tree has, at least.
+const TOP_OF: u32 = 8;
+/// Fewest nodes of the largest top that is worth it.
+const SMALLEST_TOP: u32 = 256;
 /// A part of the nodes that is so small that no round of a submission is the last.
 const FEW_OF: f64 = 256.0;
 
@@ -34,23 +43,29 @@ pub(super) fn run(
     let lists = Lists::new(device, &mut session)?;
     let working_bytes = device.memory().bytes;
     let (areas, faults) = session.begin(device, areas, 1)?;
-    let mut rounds = Rounds { lists, areas, scale: scale_of(areas.root), lost: 0.0, best_cost: session.row().cost };
+    let best_cost = session.row().cost;
+    let mut rounds = Rounds { lists, areas, scale: scale_of(areas.root), lost: 0.0, most_lost: 0.0, best_cost };
     let stop =
         if faults == 0 { rounds.run(&mut session, device, settings, observe)? } else { StopReason::Fault(faults) };
-    // The last tree may be worse than one before it, or none.
-    let is_last_best = session.row().cost <= rounds.best_cost && !matches!(stop, StopReason::Fault(_));
-    if session.rows.len() > 1 && !is_last_best || matches!(stop, StopReason::Fault(_)) && faults == 0 {
-        let mut words = [0u32; EPOCH + 1];
-        device.download(&session.moves.books, bytemuck::cast_slice_mut(&mut words))?;
-        session.restore(device, words[EPOCH])?;
+    // A tree that is none was never a best one, unless it came so.
+    if matches!(stop, StopReason::Fault(_)) && faults == 0 {
+        rounds.restore(&mut session, device)?;
+    } else {
+        rounds.restore_if_worse(&mut session, device)?;
     }
     Ok(session.finish(device, stop, working_bytes))
 }
 
+/// Sizes of the tops that are built anew in a tree of so many internal nodes.
+fn tops(internal: u32, largest: u32) -> Vec<u32> {
+    let largest = largest.min(internal / TOP_OF);
+    if largest < SMALLEST_TOP { Vec::new() } else { TOPS.map(|part| largest / part).to_vec() }
+}
+
 /// Buffers of the order.
 #[derive(Debug)]
-struct Lists {
-    keys: Buffer,
+pub(super) struct Lists {
+    pub(super) keys: Buffer,
     pool: Buffer,
     fringe: Buffer,
     list: Buffer,
@@ -87,6 +102,8 @@ struct Rounds {
     scale: f32,
     /// Area that the tree has lost so far.
     lost: f64,
+    /// The same of the best tree, and its cost.
+    most_lost: f64,
     best_cost: f64,
 }
 
@@ -99,24 +116,101 @@ impl Rounds {
         observe: Observe<'_>,
     ) -> Result<StopReason, DeviceError> {
         let WorstFirst { first, most_part, tail_part, climb, slack, .. } = settings.worst_first;
-        let part = |part: f64| (part * f64::from(session.internal)).max(f64::from(first));
-        let mut parts = vec![Search {
+        let internal = session.internal;
+        let part = |part: f64| (part * f64::from(internal)).max(f64::from(first));
+        let worst = Search {
             first: first.into(),
             most: part(most_part),
             both_orders: false,
             climb: climb.min(TO_THE_ROOT),
             slack,
-        }];
+        };
+        if let Some(stop) = self.search(session, device, settings, observe, worst)? {
+            return Ok(stop);
+        }
+        let settled_at = self.best_cost;
+        for top in tops(internal, settings.worst_first.top) {
+            if let Some(stop) = self.renew_top(session, device, settings, observe, top)? {
+                return Ok(stop);
+            }
+        }
+        if self.best_cost < settled_at
+            && let Some(stop) = self.search(session, device, settings, observe, worst)?
+        {
+            return Ok(stop);
+        }
         if tail_part > 0.0 {
             let most = part(tail_part);
-            parts.push(Search { first: most, most, both_orders: true, climb: TO_THE_ROOT, slack: 0.0 });
-        }
-        for part in parts {
-            if let Some(stop) = self.search(session, device, settings, observe, part)? {
+            let all = Search { first: most, most, both_orders: true, climb: TO_THE_ROOT, slack: 0.0 };
+            if let Some(stop) = self.search(session, device, settings, observe, all)? {
                 return Ok(stop);
             }
         }
         Ok(StopReason::Converged)
+    }
+
+    /// Why there is no other iteration, if there is none.
+    fn ended(session: &Session<'_>, limits: &Limits) -> Option<StopReason> {
+        if limits.is_target(session.row().cost) {
+            return Some(StopReason::Target);
+        }
+        limits.used_up(session.row().iteration, session.elapsed())
+    }
+
+    /// Builds a top of about so many nodes anew: an iteration in which nothing is searched. It begins with the best tree, and ends with the best tree.
+    fn renew_top(
+        &mut self,
+        session: &mut Session<'_>,
+        device: &mut dyn Device,
+        settings: &PrbvhSettings,
+        observe: Observe<'_>,
+        nodes: u32,
+    ) -> Result<Option<StopReason>, DeviceError> {
+        if let Some(stop) = Self::ended(session, &settings.limits) {
+            return Ok(Some(stop));
+        }
+        self.restore_if_worse(session, device)?;
+        let params = RoundParams { pool: nodes, ..self.params(session, 0.0, 0.0, 0) };
+        let mut recording = Recording::new();
+        recording.clear("select", &session.moves.report);
+        self.record_begin(session, &mut recording, &params, true, MOST_STAGES + 1);
+        session.submit(device, &recording)?;
+        let renewed = new_top::renew(session, device, &self.lists, settings)?;
+        let mut recording = Recording::new();
+        self.page(session, &mut recording, &params, BEST);
+        session.submit(device, &recording)?;
+
+        self.lost = self.most_lost + renewed.decrease;
+        let cost = self.cost(session);
+        session.push_new_top(cost, renewed.visits);
+        self.note_best(cost);
+        let goes_on = observe(session.row(), session.tree, device).is_continue();
+        Ok((!goes_on).then_some(StopReason::Cancelled))
+    }
+
+    /// Of the tree as it is now.
+    fn cost(&self, session: &Session<'_>) -> f64 {
+        let areas = TreeAreas { internal: self.areas.internal - self.lost, ..self.areas };
+        areas.cost(session.tree.references)
+    }
+
+    fn note_best(&mut self, cost: f64) {
+        if cost < self.best_cost {
+            self.best_cost = cost;
+            self.most_lost = self.lost;
+        }
+    }
+
+    /// The last tree may be worse than one before it.
+    fn restore_if_worse(&self, session: &mut Session<'_>, device: &mut dyn Device) -> Result<(), DeviceError> {
+        if session.row().cost > self.best_cost { self.restore(session, device) } else { Ok(()) }
+    }
+
+    /// Brings the best tree back.
+    fn restore(&self, session: &mut Session<'_>, device: &mut dyn Device) -> Result<(), DeviceError> {
+        let mut words = [0u32; EPOCH + 1];
+        device.download(&session.moves.books, bytemuck::cast_slice_mut(&mut words))?;
+        session.restore(device, words[EPOCH])
     }
 
     /// Rounds until nothing is gained; the reason if that is not why it stops.
@@ -140,10 +234,7 @@ impl Rounds {
         }
         loop {
             let done = session.row().iteration;
-            if settings.limits.is_target(session.row().cost) {
-                return Ok(Some(StopReason::Target));
-            }
-            if let Some(stop) = settings.limits.used_up(done, session.elapsed()) {
+            if let Some(stop) = Self::ended(session, &settings.limits) {
                 return Ok(Some(stop));
             }
             // Whoever asks for an early end does not want a round more than that takes.
@@ -162,7 +253,7 @@ impl Rounds {
                 let next = (wanted * growth).min(search.most).max(wanted);
                 let params = self.params(session, wanted, next, k);
                 if submissions == 0 && k == 0 {
-                    self.record_begin(session, &mut recording, &params, done > 0);
+                    self.record_begin(session, &mut recording, &params, done > 0, FIRST_STAGES);
                 }
                 self.record_round(session, &mut recording, &params, &search, settings.worst_first.lock_rounds);
                 ends.push(recording.commands().len());
@@ -177,10 +268,9 @@ impl Rounds {
                 }
                 let change = |word| to_f64(report[word], report[word + 1], self.scale);
                 self.lost += change(SHRUNK) - change(GREW);
-                let areas = TreeAreas { internal: self.areas.internal - self.lost, ..self.areas };
-                let cost = areas.cost(session.tree.references);
+                let cost = self.cost(session);
                 session.push_row(&report, 1, cost, &self.areas, self.scale, clock);
-                self.best_cost = self.best_cost.min(cost);
+                self.note_best(cost);
                 // A round of few nodes may gain nothing, and the next one much; unless there are no more.
                 let is_broad = f64::from(report[SEARCHED]) >= 0.5 * search.most || report[FRINGE] == 0;
                 if cost < settled_at * (1.0 - settles) {
@@ -222,13 +312,20 @@ impl Rounds {
         }
     }
 
-    /// Records that the pool is empty and unfolds the top of the tree.
-    fn record_begin(&self, session: &Session<'_>, recording: &mut Recording, params: &RoundParams, again: bool) {
+    /// Records that the pool is empty and unfolds the top of the tree, in so many stages or until the pool is full.
+    fn record_begin(
+        &self,
+        session: &Session<'_>,
+        recording: &mut Recording,
+        params: &RoundParams,
+        again: bool,
+        stages: u32,
+    ) {
         if again {
             recording.clear("unfold", &self.lists.keys);
         }
         self.page(session, recording, params, BEGIN);
-        for _ in 0..FIRST_STAGES {
+        for _ in 0..stages {
             self.record_unfold(session, recording, params);
             self.page(session, recording, params, CLOSE);
         }

@@ -64,7 +64,7 @@ pub const WORST: u32 = 1;
 pub const LIST: u32 = 2;
 /// Page at the end of a round.
 pub const CLOSE: u32 = 3;
-/// Page of a new best tree, for an order that measures the tree by itself.
+/// Page of a new best tree that others have measured.
 pub const BEST: u32 = 4;
 
 /// Writes the page `params.page`.
@@ -81,6 +81,7 @@ pub fn books(params: &RoundParams, books: &[AtomicU32], fringe: &[Slot<u32>], re
     } else if params.page == CLOSE {
         close(params, books, report);
     } else {
+        Sum::load(books, LOST).store(books, MOST_LOST);
         books[EPOCH].add(1);
     }
 }
