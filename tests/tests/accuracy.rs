@@ -176,6 +176,28 @@ fn a_dual_move_that_is_worth_more_than_promised_is_red() {
 }
 
 #[test]
+fn a_new_top_that_is_not_worth_what_it_claims_is_red() {
+    let red_if = |part: f32| {
+        let mut gathers = 0;
+        let after = move |dispatch: &Dispatch, device: &mut dyn Device| {
+            let gathered = dispatch.buffers.iter().find(|buffer| buffer.label == "gathered nodes");
+            let Some(gathered) = gathered else { return Ok(()) };
+            gathers += 1;
+            // The nodes of the top, their left children, their right ones; the root comes first.
+            if gathers % 3 != 1 {
+                return Ok(());
+            }
+            change(device, gathered, |words: &mut [u32]| words[4] = (f32::from_bits(words[4]) * part).to_bits())
+        };
+        let mut device = Planted::new(Box::new(CpuDevice::new(2).unwrap()), after);
+        let report = checked(&built_in(4000), &mut device, &Settings::default()).unwrap();
+        report.breaches.iter().map(|breach| format!("{:?}", breach.kind)).collect::<BTreeSet<_>>()
+    };
+    assert_eq!(red_if(1.0), kinds(&[]));
+    assert_eq!(red_if(2.0), kinds(&[BreachKind::Cost, BreachKind::Prediction]));
+}
+
+#[test]
 fn a_round_that_nobody_took_note_of_is_red() {
     let scene = built_in(100);
     let mut device = CpuDevice::new(1).unwrap();
@@ -185,7 +207,7 @@ fn a_round_that_nobody_took_note_of_is_red() {
     let cost = prbvh::bvh::quality(&of_scene, &Default::default()).sah_cost;
     let mut check = NumericsCheck::new(&scene, &Settings::default());
     for iteration in [0, 1] {
-        let row = IterationRow { iteration, cost, ..IterationRow::default() };
+        let row = IterationRow { iteration, cost, searched: iteration, ..IterationRow::default() };
         assert!(check.observe(&row, CurrentTree::Device(&tree, &mut device, None)).is_continue());
     }
     tree.free(&mut device);

@@ -257,6 +257,9 @@ fn a_plan_of_worst_first_follows_its_settings_and_the_scene() {
     assert_eq!(status(4, usual, Omission::Tail), (Status::Needed, 0));
     assert_eq!(status(3, usual, Omission::Tail), (Status::NoneThere, 0));
     assert_eq!(status(4, WorstFirst { tail_part: 0.0, ..usual }, Omission::Tail), (Status::LeftOut, 0));
+    assert_eq!(status(2049, usual, Omission::Tops), (Status::Needed, 0));
+    assert_eq!(status(2048, usual, Omission::Tops), (Status::NoneThere, 0));
+    assert_eq!(status(2049, WorstFirst { top: 0, ..usual }, Omission::Tops), (Status::LeftOut, 0));
     assert_eq!(status(4, usual, Omission::MoreLocks), (Status::Needed, 0));
     // A lock and a check.
     assert_eq!(status(4, WorstFirst { lock_rounds: 1, ..usual }, Omission::MoreLocks), (Status::LeftOut, 2));

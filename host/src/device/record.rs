@@ -22,6 +22,11 @@ impl Buffer {
         self.length as u64 * self.element_bytes as u64
     }
 
+    /// Whether both are handles of the same buffer, whatever its elements.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        (self.id, self.label, self.bytes()) == (other.id, other.label, other.bytes())
+    }
+
     /// The same buffer as words of 32 bits.
     pub(crate) fn as_words(&self) -> Self {
         Self { length: self.length * (self.element_bytes / 4), element_bytes: 4, ..self.clone() }

@@ -62,6 +62,20 @@ pub struct WorstFirst {
     pub row_by_row: bool,
 }
 
+/// Sizes of the tops that are built anew, one after another, as parts of the largest.
+const TOPS: [u32; 3] = [2, 8, 1];
+/// As many times the nodes of the largest top a tree has, at least.
+const TOP_OF: u32 = 8;
+/// Fewest nodes of the largest top that is worth it.
+const SMALLEST_TOP: u32 = 256;
+impl WorstFirst {
+    /// Sizes of the tops that are built anew in a tree of so many internal nodes.
+    pub(crate) fn tops(&self, internal: u32) -> Vec<u32> {
+        let largest = self.top.min(internal / TOP_OF);
+        if largest < SMALLEST_TOP { Vec::new() } else { TOPS.map(|part| largest / part).to_vec() }
+    }
+}
+
 impl Default for WorstFirst {
     fn default() -> Self {
         Self {

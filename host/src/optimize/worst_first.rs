@@ -23,12 +23,6 @@ const POOL: u32 = 16;
 /// Rounds of one submission: the first ones are short, and the host would take as long as they.
 const AT_ONCE: [u32; 4] = [6, 4, 3, 2];
 const MOST_AT_ONCE: u32 = AT_ONCE[0];
-/// Sizes of the tops that are built anew, one after another, as parts of the largest.
-const TOPS: [u32; 3] = [2, 8, 1];
-/// As many times the nodes of the largest top a tree has, at least.
-const TOP_OF: u32 = 8;
-/// Fewest nodes of the largest top that is worth it.
-const SMALLEST_TOP: u32 = 256;
 /// A part of the nodes that is so small that no round of a submission is the last.
 const FEW_OF: f64 = 256.0;
 
@@ -54,12 +48,6 @@ pub(super) fn run(
         rounds.restore_if_worse(&mut session, device)?;
     }
     Ok(session.finish(device, stop, working_bytes))
-}
-
-/// Sizes of the tops that are built anew in a tree of so many internal nodes.
-fn tops(internal: u32, largest: u32) -> Vec<u32> {
-    let largest = largest.min(internal / TOP_OF);
-    if largest < SMALLEST_TOP { Vec::new() } else { TOPS.map(|part| largest / part).to_vec() }
 }
 
 /// Buffers of the order.
@@ -129,7 +117,7 @@ impl Rounds {
             return Ok(stop);
         }
         let settled_at = self.best_cost;
-        for top in tops(internal, settings.worst_first.top) {
+        for top in settings.worst_first.tops(internal) {
             if let Some(stop) = self.renew_top(session, device, settings, observe, top)? {
                 return Ok(stop);
             }

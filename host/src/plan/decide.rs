@@ -196,7 +196,14 @@ impl Decide<'_> {
         } else {
             item(Omission::Tail, Status::LeftOut, "the settings are without it")
         };
-        Ok(vec![untouched, tail, self.more_locks(worst_first)?])
+        let tops = if worst_first.top == 0 {
+            item(Omission::Tops, Status::LeftOut, "the settings are without it")
+        } else if worst_first.tops(self.plan.references.saturating_sub(1) as u32).is_empty() {
+            item(Omission::Tops, Status::NoneThere, "the tree, or the top that was asked for, is too small for it")
+        } else {
+            item(Omission::Tops, Status::Needed, "where the rounds end is decided near the root")
+        };
+        Ok(vec![untouched, tops, tail, self.more_locks(worst_first)?])
     }
 
     fn more_locks(&self, worst_first: WorstFirst) -> Result<Item, DeviceError> {

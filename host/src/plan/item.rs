@@ -32,6 +32,8 @@ pub enum Omission {
     Conflicts,
     /// Keys, searches and sums of parts of the tree in which no round searches.
     Untouched,
+    /// Other trees over what hangs below the top of the tree.
+    Tops,
     /// A second search of all nodes after the worst ones.
     Tail,
     /// Rounds of locks after the first, over the moves of the same search.
@@ -58,6 +60,7 @@ impl fmt::Display for Omission {
             Self::Ancestors => "evaluation of ancestors as places to move to",
             Self::Conflicts => "searches whose moves collide: µ from the rate of conflicts",
             Self::Untouched => "keys of nodes that no round comes to",
+            Self::Tops => "other trees in place of the top of the tree",
             Self::Tail => "a broad search of all nodes at the end",
             Self::MoreLocks => "further rounds of locks over one search",
             Self::UnchangedBoxes => "refits of nodes below which nothing moved",

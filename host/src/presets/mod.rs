@@ -72,7 +72,7 @@ pub enum Then {
     WorstFirst {
         /// Most nodes of a round, as a part of all.
         most_part: f64,
-        /// The same of the tail; 0 without one.
+        /// The same of the tail; 0 without one, and without new tops.
         tail_part: f64,
     },
     /// RBVH with undo, as it is by default.
@@ -146,7 +146,9 @@ impl Candidate {
                 (Optimizer::Prbvh, PrbvhSettings { mu, epsilon, ..PrbvhSettings::published() })
             }
             Then::WorstFirst { most_part, tail_part } => {
-                let worst_first = WorstFirst { most_part, tail_part, ..WorstFirst::default() };
+                let usual = WorstFirst::default();
+                let top = if tail_part > 0.0 { usual.top } else { 0 };
+                let worst_first = WorstFirst { most_part, tail_part, top, ..usual };
                 (Optimizer::Prbvh, PrbvhSettings { order: Order::WorstFirst, worst_first, ..PrbvhSettings::default() })
             }
         };

@@ -71,7 +71,7 @@ impl Buffers {
     /// The memory behind a handle.
     pub(super) fn find(&self, buffer: &Buffer) -> Result<&Allocation, DeviceError> {
         match self.live.get(&buffer.id) {
-            Some((own, allocation)) if own == buffer => Ok(allocation),
+            Some((own, allocation)) if own.is_same(buffer) => Ok(allocation),
             _ => Err(not_here(buffer)),
         }
     }
@@ -79,7 +79,7 @@ impl Buffers {
     /// The memory behind a handle, of which the first `bytes` bytes are wanted.
     pub(super) fn find_mut(&mut self, buffer: &Buffer, bytes: usize) -> Result<&mut Allocation, DeviceError> {
         match self.live.get_mut(&buffer.id) {
-            Some((own, allocation)) if own == buffer => {
+            Some((own, allocation)) if own.is_same(buffer) => {
                 if bytes as u64 <= allocation.bytes() {
                     Ok(allocation)
                 } else {
