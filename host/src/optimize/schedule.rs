@@ -88,7 +88,7 @@ impl Default for WorstFirst {
             settles: 1e-5,
             patience: 2,
             tail_part: 0.02,
-            top: 4000,
+            top: 8000,
             row_by_row: false,
         }
     }
