@@ -97,7 +97,8 @@ fn every_round_is_the_same_tree_on_every_device() {
 #[test]
 fn a_new_top_is_a_better_tree_and_the_same_on_every_device() {
     let tree = tree_of(&soup(2500, 0.05, 6), 7);
-    let rows = same_everywhere(&tree, &settings(WorstFirst { most_part: 0.2, tail_part: 0.0, ..WorstFirst::default() }));
+    let rows =
+        same_everywhere(&tree, &settings(WorstFirst { most_part: 0.2, tail_part: 0.0, ..WorstFirst::default() }));
     let costs: Vec<f64> = rows.iter().map(|(cost, ..)| f64::from_bits(*cost)).collect();
     // Nothing was searched, and yet the links are others.
     let renewed = |&k: &usize| rows[k].1 == [0; 4] && rows[k].2 != rows[k - 1].2;

@@ -23,6 +23,8 @@ const POOL: u32 = 16;
 /// Rounds of one submission: the first ones are short, and the host would take as long as they.
 const AT_ONCE: [u32; 4] = [6, 4, 3, 2];
 const MOST_AT_ONCE: u32 = AT_ONCE[0];
+/// As many times the gain that counts after new tops counts before them.
+const SETTLES_BEFORE: f64 = 10.0;
 /// A part of the nodes that is so small that no round of a submission is the last.
 const FEW_OF: f64 = 256.0;
 
@@ -81,6 +83,8 @@ struct Search {
     both_orders: bool,
     climb: u32,
     slack: f32,
+    /// As [`WorstFirst::settles`].
+    settles: f64,
 }
 
 #[derive(Debug)]
@@ -106,30 +110,34 @@ impl Rounds {
         let WorstFirst { first, most_part, tail_part, climb, slack, .. } = settings.worst_first;
         let internal = session.internal;
         let part = |part: f64| (part * f64::from(internal)).max(f64::from(first));
+        let tops = settings.worst_first.tops(internal);
+        let settles = settings.worst_first.settles;
         let worst = Search {
             first: first.into(),
             most: part(most_part),
             both_orders: false,
             climb: climb.min(TO_THE_ROOT),
             slack,
+            settles,
         };
-        if let Some(stop) = self.search(session, device, settings, observe, worst)? {
+        // What a new top will change need not be perfect.
+        let before = Search { settles: if tops.is_empty() { settles } else { SETTLES_BEFORE * settles }, ..worst };
+        if let Some(stop) = self.search(session, device, settings, observe, before)? {
             return Ok(stop);
         }
-        let settled_at = self.best_cost;
-        for top in settings.worst_first.tops(internal) {
+        for &top in &tops {
             if let Some(stop) = self.renew_top(session, device, settings, observe, top)? {
                 return Ok(stop);
             }
         }
-        if self.best_cost < settled_at
+        if !tops.is_empty()
             && let Some(stop) = self.search(session, device, settings, observe, worst)?
         {
             return Ok(stop);
         }
         if tail_part > 0.0 {
             let most = part(tail_part);
-            let all = Search { first: most, most, both_orders: true, climb: TO_THE_ROOT, slack: 0.0 };
+            let all = Search { first: most, most, both_orders: true, climb: TO_THE_ROOT, slack: 0.0, settles };
             if let Some(stop) = self.search(session, device, settings, observe, all)? {
                 return Ok(stop);
             }
@@ -210,7 +218,7 @@ impl Rounds {
         observe: Observe<'_>,
         search: Search,
     ) -> Result<Option<StopReason>, DeviceError> {
-        let WorstFirst { growth, settles, patience, .. } = settings.worst_first;
+        let WorstFirst { growth, patience, .. } = settings.worst_first;
         let mut wanted = search.first;
         let mut idle = 0;
         let mut settled_at = self.best_cost;
@@ -261,7 +269,7 @@ impl Rounds {
                 self.note_best(cost);
                 // A round of few nodes may gain nothing, and the next one much; unless there are no more.
                 let is_broad = f64::from(report[SEARCHED]) >= 0.5 * search.most || report[FRINGE] == 0;
-                if cost < settled_at * (1.0 - settles) {
+                if cost < settled_at * (1.0 - search.settles) {
                     settled_at = cost;
                     idle = 0;
                 } else if is_broad && report[SEARCHED] > 0 {
