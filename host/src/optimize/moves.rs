@@ -128,6 +128,7 @@ impl Moves {
 
     /// Records several locks and checks over the same tree; all nodes are free afterwards.
     pub(super) fn record_lock_rounds(&self, recording: &mut Recording, params: &PrbvhParams, rounds: u32) {
+        let rounds = rounds.max(1);
         for round in 1..=rounds {
             let last = if round == rounds { LAST } else { 0 };
             self.record_lock(recording, &PrbvhParams { flags: params.flags | ROUNDS | last, ..*params });

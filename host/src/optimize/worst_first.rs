@@ -219,6 +219,7 @@ impl Rounds {
         search: Search,
     ) -> Result<Option<StopReason>, DeviceError> {
         let WorstFirst { growth, patience, .. } = settings.worst_first;
+        let patience = patience.max(1);
         let mut wanted = search.first;
         let mut idle = 0;
         let mut settled_at = self.best_cost;
