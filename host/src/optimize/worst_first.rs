@@ -110,6 +110,7 @@ impl Rounds {
         let WorstFirst { first, most_part, tail_part, climb, slack, .. } = settings.worst_first;
         let internal = session.internal;
         let part = |part: f64| (part * f64::from(internal)).max(f64::from(first));
+        let initial_cost = self.best_cost;
         let tops = settings.worst_first.tops(internal);
         let settles = settings.worst_first.settles;
         let worst = Search {
@@ -130,7 +131,9 @@ impl Rounds {
                 return Ok(stop);
             }
         }
+        // Where nothing was gained so far, nothing will be.
         if !tops.is_empty()
+            && self.best_cost < initial_cost
             && let Some(stop) = self.search(session, device, settings, observe, worst)?
         {
             return Ok(stop);
