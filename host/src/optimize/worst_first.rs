@@ -226,7 +226,8 @@ impl Rounds {
         let mut wanted = search.first;
         let mut idle = 0;
         let mut settled_at = self.best_cost;
-        let mut submissions = 0;
+        // What is decided between submissions is decided after the same rounds if each is one by itself.
+        let (mut batches, mut left, mut batch_found) = (0, 0, false);
         let mut found_nothing = false;
         let begins_at = session.row().iteration;
         if begins_at == 0 && observe(session.row(), session.tree, device).is_break() {
@@ -239,27 +240,28 @@ impl Rounds {
             }
             // Whoever asks for an early end does not want a round more than that takes.
             let Limits { max_time, target_cost, .. } = settings.limits;
-            let row_by_row = settings.worst_first.row_by_row
-                || max_time.is_some()
-                || target_cost.is_some()
-                || f64::from(session.internal) < FEW_OF * wanted
-                || found_nothing;
-            let at_once = if row_by_row { 1 } else { AT_ONCE.get(submissions).copied().unwrap_or(1) };
-            let at_once = at_once.min(settings.limits.max_iterations - done);
+            let row_by_row = settings.worst_first.row_by_row || max_time.is_some() || target_cost.is_some();
+            if left == 0 {
+                let is_small = f64::from(session.internal) < FEW_OF * wanted;
+                left = if is_small || found_nothing { 1 } else { AT_ONCE.get(batches).copied().unwrap_or(1) };
+                batches += 1;
+                batch_found = false;
+            }
+            let at_once = if row_by_row { 1 } else { left.min(settings.limits.max_iterations - done) };
+            left -= at_once;
             let mut recording = Recording::new();
             recording.clear("select", &session.moves.report);
             let mut ends = Vec::new();
             for k in 0..at_once {
                 let next = (wanted * growth).min(search.most).max(wanted);
                 let params = self.params(session, wanted, next, k);
-                if submissions == 0 && k == 0 {
+                if done == begins_at && k == 0 {
                     self.record_begin(session, &mut recording, &params, done > 0, FIRST_STAGES);
                 }
                 self.record_round(session, &mut recording, &params, &search, settings.worst_first.lock_rounds);
                 ends.push(recording.commands().len());
                 wanted = next;
             }
-            submissions += 1;
             let reports = session.submit_rows(device, &recording, &ends)?;
             let before = session.rows.len();
             for (report, clock) in reports {
@@ -284,7 +286,8 @@ impl Rounds {
                 }
             }
             // Where nothing is to be gained, soon nobody should be left.
-            found_nothing = session.rows[before..].iter().all(|row| row.found == 0);
+            batch_found |= session.rows[before..].iter().any(|row| row.found > 0);
+            found_nothing = left == 0 && !batch_found;
             if found_nothing {
                 wanted = (4.0 * wanted).min(search.most);
             }
@@ -292,7 +295,7 @@ impl Rounds {
             if session.rows[before..].iter().any(|row| observe(row, session.tree, device).is_break()) {
                 return Ok(Some(StopReason::Cancelled));
             }
-            if idle >= patience {
+            if left == 0 && idle >= patience {
                 return Ok(None);
             }
         }
