@@ -68,6 +68,7 @@ const TOPS: [u32; 3] = [2, 8, 1];
 const TOP_OF: u32 = 8;
 /// Fewest nodes of the largest top that is worth it.
 const SMALLEST_TOP: u32 = 256;
+
 impl WorstFirst {
     /// Sizes of the tops that are built anew in a tree of so many internal nodes.
     pub(crate) fn tops(&self, internal: u32) -> Vec<u32> {

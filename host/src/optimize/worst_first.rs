@@ -202,7 +202,9 @@ impl Rounds {
 
     /// The last tree may be worse than one before it.
     fn restore_if_worse(&self, session: &mut Session<'_>, device: &mut dyn Device) -> Result<(), DeviceError> {
-        if session.row().cost > self.best_cost { self.restore(session, device) } else { Ok(()) }
+        // Written so that a NaN is worse.
+        let is_best = session.rows.len() == 1 || session.row().cost <= self.best_cost;
+        if is_best { Ok(()) } else { self.restore(session, device) }
     }
 
     /// Brings the best tree back.
