@@ -1,11 +1,11 @@
 //! The Vulkan library and an instance of it.
 
 use super::error::Call;
-use super::messages::Messages;
+use super::messages;
 use crate::device::DeviceError;
 use ash::{ext, khr, vk};
 use std::ffi::{CStr, c_char};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 /// The version that the modules of the kernels are made for.
 pub(super) const API_VERSION: u32 = vk::API_VERSION_1_2;
@@ -16,22 +16,26 @@ const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 const INSTALL_DRIVER: &str = "install the GPU's driver or, to run on the CPU, Mesa's lavapipe \
                               (Debian and Ubuntu: apt-get install mesa-vulkan-drivers)";
 
-/// An instance, with the messages of the validation layer.
+/// An instance. There is one of each kind in a process, and it is never destroyed: with the last instance the loader unloads the drivers, and
+/// theirs are threads and thread-local values that end later.
 pub(super) struct Instance {
     raw: ash::Instance,
-    messenger: Option<Messenger>,
-    // Declared last: the layer may report while the instance is destroyed.
-    messages: Arc<Messages>,
-}
-
-struct Messenger {
-    functions: ext::debug_utils::Instance,
-    raw: vk::DebugUtilsMessengerEXT,
+    is_validated: bool,
 }
 
 impl Instance {
-    /// An instance that sees every driver, under the validation layer if `validate`.
-    pub(super) fn new(validate: bool) -> Result<Self, DeviceError> {
+    /// The instance of this process that sees every driver, under the validation layer if `validate`.
+    pub(super) fn shared(validate: bool) -> Result<&'static Self, DeviceError> {
+        static SHARED: [Mutex<Option<&Instance>>; 2] = [const { Mutex::new(None) }; 2];
+        let mut shared = SHARED[usize::from(validate)].lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(instance) = *shared {
+            return Ok(instance);
+        }
+        let instance = Box::leak(Box::new(Self::new(validate)?));
+        Ok(shared.insert(instance))
+    }
+
+    fn new(validate: bool) -> Result<Self, DeviceError> {
         let entry = entry()?;
         let extensions = Extensions::of(entry, None)?;
         let portability = extensions.has(khr::portability_enumeration::NAME);
@@ -52,17 +56,14 @@ impl Instance {
             }
         }
 
-        let messages = Arc::new(Messages::default());
-        let raw = create(entry, &enabled, &layers, portability, synchronisation, validate.then_some(&messages))?;
-        let mut instance = Self { raw, messenger: None, messages };
+        let raw = create(entry, &enabled, &layers, portability, synchronisation, validate)?;
         if validate {
-            let functions = ext::debug_utils::Instance::new(entry, &instance.raw);
-            // SAFETY: the extension is enabled, and the messages outlive the messenger (see `drop`).
-            let raw = unsafe { functions.create_debug_utils_messenger(&instance.messages.create_info(), None) }
+            let functions = ext::debug_utils::Instance::new(entry, &raw);
+            // SAFETY: the extension is enabled. The messenger lives as long as the instance.
+            unsafe { functions.create_debug_utils_messenger(&messages::create_info(), None) }
                 .call("vkCreateDebugUtilsMessengerEXT")?;
-            instance.messenger = Some(Messenger { functions, raw });
         }
-        Ok(instance)
+        Ok(Self { raw, is_validated: validate })
     }
 
     /// The functions of the instance.
@@ -72,12 +73,7 @@ impl Instance {
 
     /// Whether the validation layer watches.
     pub(super) fn is_validated(&self) -> bool {
-        self.messenger.is_some()
-    }
-
-    /// What the validation layer said.
-    pub(super) fn messages(&self) -> &Arc<Messages> {
-        &self.messages
+        self.is_validated
     }
 
     /// Every device that the drivers offer; at least one.
@@ -85,17 +81,6 @@ impl Instance {
         // SAFETY: the instance is alive.
         let devices = unsafe { self.raw.enumerate_physical_devices() }.call("vkEnumeratePhysicalDevices")?;
         if devices.is_empty() { Err(no_driver()) } else { Ok(devices) }
-    }
-}
-
-impl Drop for Instance {
-    fn drop(&mut self) {
-        if let Some(Messenger { functions, raw }) = &self.messenger {
-            // SAFETY: made from this instance, and nobody else has it.
-            unsafe { functions.destroy_debug_utils_messenger(*raw, None) };
-        }
-        // SAFETY: whatever was made from the instance keeps it alive through an `Arc`, so it is gone by now.
-        unsafe { self.raw.destroy_instance(None) };
     }
 }
 
@@ -149,7 +134,7 @@ fn create(
     layers: &[*const c_char],
     portability: bool,
     synchronisation: bool,
-    messages: Option<&Arc<Messages>>,
+    validate: bool,
 ) -> Result<ash::Instance, DeviceError> {
     let application = vk::ApplicationInfo::default().application_name(c"prbvh").api_version(API_VERSION);
     let flags =
@@ -160,8 +145,8 @@ fn create(
         .enabled_extension_names(extensions)
         .enabled_layer_names(layers);
 
-    // The messenger of the chain reports on the creation and the end of the instance itself.
-    let mut messenger = messages.map(|messages| messages.create_info());
+    // The messenger of the chain reports on the creation of the instance itself.
+    let mut messenger = validate.then(messages::create_info);
     if let Some(messenger) = &mut messenger {
         info = info.push_next(messenger);
     }
@@ -171,7 +156,7 @@ fn create(
         info = info.push_next(&mut features);
     }
 
-    // SAFETY: names and chain live through the call; the caller keeps the messages alive as long as the instance.
+    // SAFETY: names and chain live through the call.
     match unsafe { entry.create_instance(&info, None) } {
         Err(vk::Result::ERROR_INCOMPATIBLE_DRIVER) => Err(no_driver()),
         result => result.call("vkCreateInstance"),

@@ -3,7 +3,6 @@
 use super::error::Call;
 use super::instance::Instance;
 use super::limits::PhysicalDevice;
-use super::messages::Messages;
 use crate::device::DeviceError;
 use ash::{ext, khr, vk};
 use std::ffi::CString;
@@ -18,13 +17,12 @@ pub(super) struct LogicalDevice {
     atomics_64: bool,
     abandoned: AtomicBool,
     names: Option<ext::debug_utils::Device>,
-    instance: Arc<Instance>,
 }
 
 impl LogicalDevice {
     /// Opens a device that lacks nothing, with 64-bit atomics if it has them and `atomics_64` allows them.
     pub(super) fn new(
-        instance: Arc<Instance>,
+        instance: &Instance,
         physical: PhysicalDevice,
         atomics_64: bool,
     ) -> Result<Arc<Self>, DeviceError> {
@@ -32,7 +30,7 @@ impl LogicalDevice {
         let atomics_64 = atomics_64 && physical.summary.shader_buffer_int64_atomics;
 
         let mut extensions = Vec::new();
-        if has_portability_subset(&instance, physical.raw)? {
+        if has_portability_subset(instance, physical.raw)? {
             // A device that has this extension must be opened with it.
             extensions.push(khr::portability_subset::NAME.as_ptr());
         }
@@ -55,7 +53,7 @@ impl LogicalDevice {
         let queue = unsafe { raw.get_device_queue(physical.queue_family, 0) };
         let names = instance.is_validated().then(|| ext::debug_utils::Device::new(instance.raw(), &raw));
         let abandoned = AtomicBool::new(false);
-        Ok(Arc::new(Self { raw, queue, physical, atomics_64, abandoned, names, instance }))
+        Ok(Arc::new(Self { raw, queue, physical, atomics_64, abandoned, names }))
     }
 
     /// The functions of the device.
@@ -86,11 +84,6 @@ impl LogicalDevice {
         unsafe { names.set_debug_utils_object_name(&info) }.call("vkSetDebugUtilsObjectNameEXT")
     }
 
-    /// What the validation layer said.
-    pub(super) fn messages(&self) -> &Arc<Messages> {
-        self.instance.messages()
-    }
-
     /// Gives up on work that does not end. The device may use its objects for ever, so none is destroyed any more.
     pub(super) fn abandon(&self) {
         self.abandoned.store(true, Ordering::Relaxed);
@@ -111,10 +104,7 @@ impl LogicalDevice {
 
 impl Drop for LogicalDevice {
     fn drop(&mut self) {
-        if self.is_abandoned() {
-            // The device stays, so what it was made from must stay.
-            std::mem::forget(Arc::clone(&self.instance));
-        } else {
+        if !self.is_abandoned() {
             // SAFETY: every object of the device held an `Arc` of it and is gone, and no work is left on its queue.
             unsafe { self.raw.destroy_device(None) };
         }

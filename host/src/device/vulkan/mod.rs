@@ -2,7 +2,7 @@
 //!
 //! | file | what it owns |
 //! |---|---|
-//! | `instance`, `messages` | the library, an instance, the reports of the validation layer |
+//! | `instance`, `messages` | the library, the instances of the process, the reports of the validation layer |
 //! | `limits`, `selection` | what a device is and lacks; which one to open |
 //! | `logical`, `objects` | an opened device, and Vulkan objects that destroy themselves |
 //! | `memory`, `buffers`, `staging` | buffers, and bytes on their way to and from them |
@@ -57,8 +57,8 @@ use submit::Submitter;
 /// # Errors
 /// [`DeviceError::NoDevice`] if there is no Vulkan library, driver or device, [`DeviceError::Vulkan`] if a call fails.
 pub fn list_devices() -> Result<Vec<DeviceSummary>, DeviceError> {
-    let instance = Instance::new(false)?;
-    Ok(PhysicalDevice::all(&instance)?.into_iter().map(|device| device.summary).collect())
+    let instance = Instance::shared(false)?;
+    Ok(PhysicalDevice::all(instance)?.into_iter().map(|device| device.summary).collect())
 }
 
 /// A [`Device`] that runs the SPIR-V of the kernels through Vulkan.
@@ -92,8 +92,8 @@ impl VulkanDevice {
     }
 
     fn open_with(selection: Selection, options: Options) -> Result<Self, DeviceError> {
-        let instance = Arc::new(Instance::new(options.validate)?);
-        let physical = select(PhysicalDevice::all(&instance)?, selection)?;
+        let instance = Instance::shared(options.validate)?;
+        let physical = select(PhysicalDevice::all(instance)?, selection)?;
         let device = LogicalDevice::new(instance, physical, options.atomics_64)?;
         let cache = StoredCache::open(&device, options.cache_folder.as_deref())?;
         let opened = Self {
@@ -113,14 +113,13 @@ impl VulkanDevice {
     /// # Errors
     /// [`DeviceError::Validation`] with its text.
     pub fn close(self) -> Result<(), DeviceError> {
-        let messages = Arc::clone(self.device.messages());
         drop(self);
-        messages.check()
+        messages::check()
     }
 
-    /// The result, unless the validation layer found fault.
+    /// The result, unless the validation layer found fault with a call of this thread.
     fn validated<T>(&self, result: Result<T, DeviceError>) -> Result<T, DeviceError> {
-        self.device.messages().check()?;
+        messages::check()?;
         result
     }
 
@@ -166,7 +165,11 @@ impl VulkanDevice {
 
 impl std::fmt::Debug for VulkanDevice {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("VulkanDevice").field("info", &self.info).field("memory", &self.memory()).finish_non_exhaustive()
+        f.debug_struct("VulkanDevice")
+            .field("info", &self.info)
+            .field("memory", &self.memory())
+            .field("is_abandoned", &self.device.is_abandoned())
+            .finish_non_exhaustive()
     }
 }
 

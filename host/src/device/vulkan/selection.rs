@@ -48,11 +48,11 @@ mod tests {
         if left_out("the_best_usable_device_is_selected") {
             return;
         }
-        let instance = Instance::new(false).unwrap();
+        let instance = Instance::shared(false).unwrap();
         let devices = |types: [(vk::PhysicalDeviceType, bool); 3]| -> Vec<PhysicalDevice> {
             (0..3)
                 .map(|k| {
-                    let mut device = PhysicalDevice::all(&instance).unwrap().remove(0);
+                    let mut device = PhysicalDevice::all(instance).unwrap().remove(0);
                     device.summary.index = k;
                     device.properties.device_type = types[k].0;
                     device.summary.missing =
