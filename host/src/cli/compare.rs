@@ -163,7 +163,10 @@ fn open(args: &CompareArgs, stop: &Stop) -> anyhow::Result<Vec<Box<dyn Device>>>
 fn tell(step: &Step, bar: &indicatif::ProgressBar) {
     let Step { scene, method, done, of, outcome } = step;
     match outcome {
-        None => bar.set_message(format!("{scene}: {method}")),
+        None => {
+            tracing::debug!("{scene}: {method} begins");
+            bar.set_message(format!("{scene}: {method}"));
+        }
         Some(Ok(cost)) => tracing::info!("{done:3} of {of}  {scene}: {method}: cost {cost:.3}"),
         Some(Err(why)) => tracing::warn!("{done:3} of {of}  {scene}: {method}: {why}"),
     }

@@ -94,6 +94,10 @@ impl<'a> Row<'a> {
             Ok(made) => made,
             Err(error) => {
                 self.log.end_bar();
+                if let Some(folder) = self.folder {
+                    // Where nothing is in it, nothing is told by it.
+                    let _ = std::fs::remove_dir(folder.path().join(name));
+                }
                 let error = told_once(&error);
                 tracing::warn!("failed: {}", with_name(&path, &error));
                 (Line::failed(path, name.to_owned(), error), None)

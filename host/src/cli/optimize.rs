@@ -129,12 +129,10 @@ pub(super) fn optimized<'a>(
     // Only the check wants the tree of each row, and pays for it.
     let result = match &mut check {
         None => pipeline::optimize_by(plan, scene, device, &stoppable, &mut |row| seen(row)),
-        Some(check) => {
-            pipeline::optimize_watched(plan, scene, device, &stoppable, &mut |row, tree| match seen(row) {
-                ControlFlow::Continue(()) => check.observe(row, tree),
-                stop => stop,
-            })
-        }
+        Some(check) => pipeline::optimize_watched(plan, scene, device, &stoppable, &mut |row, tree| match seen(row) {
+            ControlFlow::Continue(()) => check.observe(row, tree),
+            stop => stop,
+        }),
     };
     log.end_bar();
     let result = result?;

@@ -56,7 +56,8 @@ impl Drop for OutFolder {
 /// Locks the file of a path, which is made where it is not there.
 fn lock(path: &Path) -> Result<File, TryLockError> {
     loop {
-        let file = OpenOptions::new().create(true).truncate(false).write(true).open(path).map_err(TryLockError::Error)?;
+        let file =
+            OpenOptions::new().create(true).truncate(false).write(true).open(path).map_err(TryLockError::Error)?;
         file.try_lock()?;
         // Whoever had the lock before may have taken the file away in between: then it is nobody's.
         if is_at(&file, path).map_err(TryLockError::Error)? {

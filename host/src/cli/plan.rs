@@ -66,12 +66,7 @@ pub(super) fn run(args: &PlanArgs) -> anyhow::Result<ExitCode> {
 }
 
 /// One scene, with its census, its phases, and why each decision is as it is.
-fn one(
-    args: &OptimizeArgs,
-    named: &Named,
-    device: &dyn Device,
-    settings: &Settings,
-) -> anyhow::Result<ExitCode> {
+fn one(args: &OptimizeArgs, named: &Named, device: &dyn Device, settings: &Settings) -> anyhow::Result<ExitCode> {
     let scene = named.load()?;
     let plan = Plan::of(&scene, device.info(), settings, &[])?;
     if args.json {

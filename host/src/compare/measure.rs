@@ -97,13 +97,7 @@ impl<'a> Subject<'a> {
         Ok(metered(&meter, result.tree, result.quality, result.build_s + result.optimize_s, run))
     }
 
-    fn on_host(
-        &self,
-        job: &Job,
-        threads: usize,
-        build: HostBuilder,
-        stop: &Stop,
-    ) -> Result<Made, MethodError> {
+    fn on_host(&self, job: &Job, threads: usize, build: HostBuilder, stop: &Stop) -> Result<Made, MethodError> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
         let start = Instant::now();
         let built = pool.install(|| build(&self.working, stop))?;

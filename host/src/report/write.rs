@@ -146,7 +146,8 @@ mod tests {
         symlink("there/file", path("link")).unwrap();
         symlink("link", path("chain")).unwrap();
         symlink("there/new", path("dangling")).unwrap();
-        for (link, file, text) in [("chain", "there/file", "by a chain"), ("dangling", "there/new", "by a dangling one")]
+        for (link, file, text) in
+            [("chain", "there/file", "by a chain"), ("dangling", "there/new", "by a dangling one")]
         {
             write_atomically(&path(link), |out| out.write_all(text.as_bytes())).unwrap();
             assert!(std::fs::symlink_metadata(path(link)).unwrap().is_symlink(), "{link}");
