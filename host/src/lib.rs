@@ -18,6 +18,7 @@ pub mod render;
 pub mod report;
 pub mod scene;
 pub mod stability;
+pub mod stop;
 pub mod trace;
 
 /// Compiles the example of the README.

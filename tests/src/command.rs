@@ -22,6 +22,47 @@ pub struct Ended {
     pub stderr: String,
 }
 
+/// A named pipe in the place of a file: who reads it waits for its writer, so that a test knows where a program is.
+#[cfg(target_os = "linux")]
+#[derive(Debug)]
+pub struct Fifo(std::path::PathBuf);
+
+#[cfg(target_os = "linux")]
+impl Fifo {
+    /// Makes it.
+    ///
+    /// # Panics
+    /// If there is no `mkfifo` to make it with.
+    #[must_use]
+    pub fn new(path: &Path) -> Self {
+        let made = Command::new("mkfifo").arg(path).status().unwrap();
+        assert!(made.success(), "{}: no fifo", path.display());
+        Self(path.to_owned())
+    }
+
+    /// Waits until somebody has it open to read.
+    ///
+    /// # Panics
+    /// If nobody does.
+    #[must_use]
+    pub fn read_by(&self, running: &mut Running) -> std::fs::File {
+        use std::os::unix::fs::OpenOptionsExt;
+        // Of Linux: an error where nobody reads, instead of a wait.
+        const O_NONBLOCK: i32 = 0o4000;
+        let start = Instant::now();
+        loop {
+            match std::fs::OpenOptions::new().write(true).custom_flags(O_NONBLOCK).open(&self.0) {
+                Ok(file) => return file,
+                Err(error) => {
+                    let goes_on = running.is_running() && start.elapsed() < PATIENCE;
+                    assert!(goes_on, "prbvh {}: {error}; it said:\n{}", running.arguments, running.stderr());
+                    std::thread::sleep(Duration::from_millis(2));
+                }
+            }
+        }
+    }
+}
+
 /// A command that runs.
 #[derive(Debug)]
 pub struct Running {
@@ -60,10 +101,43 @@ pub fn start(command: &mut Command) -> Running {
 }
 
 impl Running {
-    /// Number of the process.
-    #[must_use]
-    pub fn id(&self) -> u32 {
-        self.child.id()
+    /// Sends a signal, such as `INT`.
+    ///
+    /// # Panics
+    /// If there is no `kill` to send it with.
+    #[cfg(unix)]
+    pub fn signal(&self, name: &str) {
+        let sent = Command::new("kill").args([format!("-{name}"), self.child.id().to_string()]).status().unwrap();
+        assert!(sent.success(), "prbvh {}: {name} was not sent", self.arguments);
+    }
+
+    /// Waits until its log has these texts, one after another.
+    ///
+    /// # Panics
+    /// If it ends or hangs before.
+    pub fn until(&mut self, texts: &[&str]) {
+        let has_all = |log: &str| {
+            texts.iter().try_fold(log, |rest, text| rest.find(text).map(|at| &rest[at + text.len()..])).is_some()
+        };
+        let start = Instant::now();
+        loop {
+            // In this order: what it said last is there when it has ended.
+            let goes_on = self.is_running() && start.elapsed() < PATIENCE;
+            let log = self.stderr();
+            if has_all(&log) {
+                return;
+            }
+            assert!(goes_on, "prbvh {}: no {texts:?} in:\n{log}", self.arguments);
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    /// Whether it has not ended yet.
+    ///
+    /// # Panics
+    /// If the system does not know.
+    pub fn is_running(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_none()
     }
 
     /// The log and the errors so far.

@@ -4,6 +4,7 @@ use prbvh::compare::{CompareSettings, MethodSettings, RaySettings, compare as co
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{self, Buffer, Device, DeviceError};
 use prbvh::scene::built_in;
+use prbvh::stop::Stop;
 use prbvh_tests::command::{Ended, run, start};
 use prbvh_tests::devices::without_vulkan;
 use serde_json::Value;
@@ -155,30 +156,6 @@ fn peers_that_panic_hang_or_lie_have_a_status_and_the_others_go_on() {
     assert_eq!(std::fs::read_dir(temporary.path()).unwrap().count(), 0, "files are left");
 }
 
-/// Ctrl-C where there is a `kill` to press it with.
-#[cfg(unix)]
-#[test]
-fn ctrl_c_ends_after_the_running_method_and_writes_what_there_is() {
-    let folder = tempdir().unwrap();
-    let mut command = Command::new(PRBVH);
-    command.current_dir(folder.path()).args(["compare", "--triangles", "300", "--device", "cpu", "--rays", "off"]);
-    command.args(["--methods", "lbvh,planted-hang,prbvh", "--peer-timeout", "2", "--json", "--out", "out"]);
-    let running = start(&mut command);
-    let begun = std::time::Instant::now();
-    while !running.stderr().contains("lbvh") {
-        assert!(begun.elapsed().as_secs() < 60, "{}", running.stderr());
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    }
-    let pressed = Command::new("kill").args(["-INT", &running.id().to_string()]).status().unwrap();
-    assert!(pressed.success());
-    let ran = running.wait();
-    let json = ran.json();
-    let status: Vec<&str> = rows(&json).iter().map(|row| row["status"].as_str().unwrap()).collect();
-    assert_eq!((status[0], status[4]), ("ok", "not run: interrupted"), "{status:?}");
-    assert!(ran.stderr.contains("interrupted"), "{}", ran.stderr);
-    assert!(folder.path().join("out/compare.json").is_file() && folder.path().join("out/compare.csv").is_file());
-}
-
 #[test]
 fn the_help_names_what_the_paper_has() {
     let help = compare(tempdir().unwrap().path(), &["--help"]).ok().stdout;
@@ -226,6 +203,7 @@ fn a_method_that_fails_on_a_device_is_a_row_and_leaves_no_buffers() {
         pictures: true,
         figures: true,
         peers: None,
+        stop: Stop::default(),
     };
     for (label, failing) in
         [("neighbours", &["ploc r=100", "prbvh worst first, for a figure"][..]), ("found", &["prbvh"])]

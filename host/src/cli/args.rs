@@ -6,6 +6,7 @@ use super::optimizer::OptimizerArgs;
 use super::plan::PlanArgs;
 use super::preset::{PRESET_SETS, PresetArg};
 use super::render_args::RenderArgs;
+use super::scenes::ScenesArgs;
 use super::stability::StabilityArgs;
 use super::target::TargetArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
@@ -37,7 +38,7 @@ pub(super) struct Cli {
 
 #[derive(Debug, Subcommand)]
 pub(super) enum Command {
-    /// Build a tree over a scene and optimise it.
+    /// Build a tree over a scene and optimise it; over many scenes one after another.
     Optimize(Box<OptimizeArgs>),
     /// What `optimize` with the same arguments would take and leave out, and why; of several scenes, how that differs.
     Plan(Box<PlanArgs>),
@@ -58,12 +59,8 @@ pub(super) enum Command {
 
 #[derive(Debug, Args)]
 pub(super) struct OptimizeArgs {
-    /// OBJ, PLY, STL, glTF or GLB file (also .xz, .gz, .zst), or `built-in`.
-    #[arg(default_value = BUILT_IN)]
-    pub(super) scene: PathBuf,
-    /// Size of the built-in scene.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub(super) triangles: Option<usize>,
+    #[command(flatten)]
+    pub(super) scenes: ScenesArgs,
     /// Where the initial tree comes from: lbvh, ploc, atrbvh, sah-sweep, sah-binned, or a tree.bvh over the same scene.
     #[arg(long, default_value = "lbvh", value_name = "BUILDER|FILE.bvh", value_parser = OsStringValueParser::new().try_map(initial))]
     pub(super) initial: Initial,
@@ -118,7 +115,7 @@ pub(super) struct OptimizeArgs {
     /// Write report.json, iterations.csv, convergence.svg and tree.bvh to this folder.
     #[arg(long, value_name = "DIR")]
     pub(super) out: Option<PathBuf>,
-    /// Print one JSON object to stdout instead of the table.
+    /// Print one JSON object to stdout instead of the table; of many scenes one in a line for each.
     #[arg(long)]
     pub(super) json: bool,
     /// Compare the numbers of every iteration with f64: cost, predicted decrease, drift of the search. Takes a multiple of the time.

@@ -3,15 +3,20 @@
 use super::compare_args::{CompareArgs, DevicesChoice, PeerArgs};
 use super::interrupt::Interrupt;
 use super::log::Log;
-use super::optimize::{DEFAULT_COLUMNS, check_folder};
-use super::{load_scene, print, print_error};
+use super::optimize::DEFAULT_COLUMNS;
+use super::out_folder::OutFolder;
+use super::overwrite::{outputs_in, refuse_overwrite};
+use super::stdout::print;
+use super::{load_scene, print_error};
 use anyhow::Context;
 use prbvh::compare::peers::{self, ServeError};
 use prbvh::compare::{self, CompareSettings, Comparison, MethodRow, NOT_RUN, PeerHost, Step};
-use prbvh::device::{self, Device, DeviceChoice, vulkan};
+use prbvh::device::{self, Device, DeviceChoice, Stoppable, vulkan};
 use prbvh::report::page;
 use prbvh::report::write::WriteError;
 use prbvh::scene::Scene;
+use prbvh::stop::Stop;
+use std::ffi::OsStr;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -20,10 +25,12 @@ use std::time::Duration;
 /// Exit code of a program of Rust that panicked.
 const PANICKED: u8 = 101;
 
-pub(super) fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<ExitCode> {
+pub(super) fn run(args: &CompareArgs, log: &Log, interrupt: &Interrupt) -> anyhow::Result<ExitCode> {
     let jobs = compare::jobs(&args.methods, &args.methods()).map_err(with_hint)?;
-    let interrupt = Interrupt::listen();
-    let mut devices = open(args)?;
+    let outputs = args.out.iter().flat_map(|folder| outputs_in(folder, is_output));
+    refuse_overwrite(args.scenes.iter().map(|path| &**path), outputs)?;
+    let stop = interrupt.stop();
+    let mut devices = open(args, &stop)?;
     let triangles = |path| args.triangles.filter(|_| path == Path::new(super::BUILT_IN));
     anyhow::ensure!(
         args.triangles.is_none() || args.scenes.iter().any(|path| triangles(path).is_some()),
@@ -31,9 +38,7 @@ pub(super) fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<ExitCode> {
     );
     let scenes: Vec<Scene> =
         args.scenes.iter().map(|path| load_scene(path, triangles(path))).collect::<anyhow::Result<_>>()?;
-    if let Some(folder) = &args.out {
-        check_folder(folder)?;
-    }
+    let folder = args.out.as_deref().map(OutFolder::open).transpose()?;
     let settings = CompareSettings {
         jobs,
         repeat: args.repeat,
@@ -46,8 +51,10 @@ pub(super) fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<ExitCode> {
             program: std::env::current_exe().context("the path of this program")?,
             timeout: Duration::try_from_secs_f64(args.peer_timeout).unwrap_or(Duration::MAX),
         }),
+        stop,
     };
 
+    let held = interrupt.hold();
     let bar = log.steps();
     let comparison = compare::compare(&scenes, &mut devices, &settings, &mut |step| {
         bar.set_length(step.of as u64);
@@ -59,18 +66,41 @@ pub(super) fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<ExitCode> {
     if interrupt.pressed() {
         tracing::warn!("interrupted: what was measured before is all there is");
     }
-    let written = args.out.as_deref().map_or(Ok(Vec::new()), |folder| write(&comparison, folder));
-    if args.json {
-        print(&rows_as_json(&comparison).context("rows as JSON")?);
+    let written = folder.as_ref().map_or(Ok(Vec::new()), |folder| write(&comparison, folder.path()));
+    // Nothing is lost any more, and who reads may be slow.
+    drop((folder, held));
+    let printed = if args.json {
+        rows_as_json(&comparison).context("rows as JSON").and_then(|json| print(&json))
     } else {
-        print_tables(&comparison);
-    }
+        print_tables(&comparison)
+    };
     // Not before: where the disk is full the user has at least the tables.
     for path in written? {
         tracing::info!("wrote {}", path.display());
     }
-    let is_well = comparison.rows().all(|row| row.status == "ok" || row.status == NOT_RUN);
-    Ok(if is_well { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    printed?;
+    judge(comparison.rows())
+}
+
+/// # Errors
+/// If a method failed. That one was not run because of a signal is none.
+fn judge<'a>(rows: impl Iterator<Item = &'a MethodRow>) -> anyhow::Result<ExitCode> {
+    let (mut all, mut failed) = (0, Vec::new());
+    for row in rows {
+        all += 1;
+        if row.status != "ok" && row.status != NOT_RUN {
+            failed.push(row);
+        }
+    }
+    let Some(first) = failed.first() else { return Ok(ExitCode::SUCCESS) };
+    let MethodRow { scene, method, device, status, .. } = first;
+    anyhow::bail!("{} of {all} rows failed, first {scene}: {method} on {device}: {status}", failed.len())
+}
+
+/// Whether a comparison may write a file of this name.
+fn is_output(name: &OsStr) -> bool {
+    let extension = Path::new(name).extension().and_then(OsStr::to_str);
+    extension.is_some_and(|extension| ["json", "csv", "html", "svg", "png"].contains(&extension))
 }
 
 /// The numbers first: the page is made of them.
@@ -81,9 +111,9 @@ fn write(comparison: &Comparison, folder: &Path) -> Result<Vec<PathBuf>, WriteEr
 }
 
 /// Runs another library; the comparison reads the file that it leaves, or its last words.
-pub(super) fn run_peer(args: &PeerArgs) -> ExitCode {
+pub(super) fn run_peer(args: &PeerArgs, interrupt: &Interrupt) -> ExitCode {
     // Ctrl-C reaches this process too: the first one is for the comparison, which waits for the tree.
-    let _ignored = Interrupt::listen();
+    let _ignored = interrupt.hold();
     match peers::serve(&args.method, &args.scene_file, &args.out, args.threads) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -100,8 +130,8 @@ fn with_hint(error: compare::NoSuchMethod) -> anyhow::Error {
     anyhow::anyhow!("--methods: {error}{hint}")
 }
 
-/// The devices in the order of the arguments, each once.
-fn open(args: &CompareArgs) -> anyhow::Result<Vec<Box<dyn Device>>> {
+/// The devices in the order of the arguments, each once. They run nothing once an end is asked for.
+fn open(args: &CompareArgs, stop: &Stop) -> anyhow::Result<Vec<Box<dyn Device>>> {
     let mut choices: Vec<DeviceChoice> = Vec::new();
     for choice in &args.device {
         match choice {
@@ -123,7 +153,8 @@ fn open(args: &CompareArgs) -> anyhow::Result<Vec<Box<dyn Device>>> {
     let mut devices: Vec<Box<dyn Device>> = Vec::new();
     for (k, choice) in choices.iter().enumerate() {
         if !choices[..k].contains(choice) {
-            devices.push(device::open(*choice, args.threads, args.validate)?);
+            let device = device::open(*choice, args.threads, args.validate)?;
+            devices.push(Box::new(Stoppable::new(device, stop)));
         }
     }
     Ok(devices)
@@ -132,7 +163,10 @@ fn open(args: &CompareArgs) -> anyhow::Result<Vec<Box<dyn Device>>> {
 fn tell(step: &Step, bar: &indicatif::ProgressBar) {
     let Step { scene, method, done, of, outcome } = step;
     match outcome {
-        None => bar.set_message(format!("{scene}: {method}")),
+        None => {
+            tracing::debug!("{scene}: {method} begins");
+            bar.set_message(format!("{scene}: {method}"));
+        }
         Some(Ok(cost)) => tracing::info!("{done:3} of {of}  {scene}: {method}: cost {cost:.3}"),
         Some(Err(why)) => tracing::warn!("{done:3} of {of}  {scene}: {method}: {why}"),
     }
@@ -151,17 +185,39 @@ fn rows_as_json(comparison: &Comparison) -> serde_json::Result<String> {
     }))
 }
 
-fn print_tables(comparison: &Comparison) {
+fn print_tables(comparison: &Comparison) -> anyhow::Result<()> {
     let columns = console::Term::stdout().size_checked().map_or(DEFAULT_COLUMNS, |(_, columns)| columns);
     for scene in &comparison.scenes {
-        print(compare::table(scene, columns).trim_end());
+        print(compare::table(scene, columns).trim_end())?;
         if let Some(errors) = compare::errors_table(scene, columns) {
-            print(&format!("\n{}", errors.trim_end()));
+            print(&format!("\n{}", errors.trim_end()))?;
         }
         for note in compare::notes(scene) {
             let text = console::style(note.text);
-            print(&(if note.is_fault { text.red() } else { text }).to_string());
+            print(&(if note.is_fault { text.red() } else { text }).to_string())?;
         }
-        print("");
+        print("")?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_row_is_told_and_one_that_was_not_run_is_none() {
+        let row = |method: &str, status: &str| MethodRow {
+            scene: "hall".into(),
+            method: method.into(),
+            device: "cpu".into(),
+            status: status.into(),
+            ..MethodRow::default()
+        };
+        let rows = [row("lbvh", "ok"), row("ploc", NOT_RUN)];
+        assert!(judge(rows.iter()).is_ok());
+        let rows = [row("lbvh", "ok"), row("ploc", "no memory"), row("rbvh", "no threads")];
+        let error = judge(rows.iter()).unwrap_err().to_string();
+        assert_eq!(error, "2 of 3 rows failed, first hall: ploc on cpu: no memory");
     }
 }

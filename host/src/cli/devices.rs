@@ -1,7 +1,7 @@
 //! `prbvh devices`.
 
 use super::args::DevicesArgs;
-use super::print;
+use super::stdout::print;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::vulkan::{self, DeviceSummary};
 use prbvh::device::{Device, DeviceError};
@@ -17,10 +17,10 @@ pub(super) fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
             Err(error) => (&[][..], Some(error.to_string())),
         };
         let json = serde_json::json!({ "cpu": cpu.info(), "vulkan": devices, "no_vulkan": missing });
-        print(&serde_json::to_string_pretty(&json)?);
+        print(&serde_json::to_string_pretty(&json)?)?;
     } else {
-        print(&format!("cpu         {} ({})", cpu.info().name, cpu.info().driver));
-        print(vulkan_text(&vulkan).trim_end());
+        print(&format!("cpu         {} ({})", cpu.info().name, cpu.info().driver))?;
+        print(vulkan_text(&vulkan).trim_end())?;
     }
     Ok(ExitCode::SUCCESS)
 }

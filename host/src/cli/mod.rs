@@ -1,63 +1,81 @@
 //! The command line: arguments in, tables and files out.
 
 mod args;
+mod colour;
 mod compare;
 mod compare_args;
 mod devices;
+mod in_a_row;
 mod interrupt;
 mod leaves;
 mod log;
 mod optimize;
 mod optimizer;
+mod out_folder;
+mod overwrite;
 mod plan;
 mod preset;
 mod render;
 mod render_args;
+mod scenes;
 mod stability;
 mod stats;
+mod stdout;
+mod summary;
 mod target;
 
 use args::{BUILT_IN, Cli, Command, OptimizeArgs};
 use clap::Parser;
+use colour::Colour;
+use interrupt::Interrupt;
 use prbvh::report::Machine;
 use prbvh::scene::{self, Scene};
+use std::io::{self, Write};
 use std::path::Path;
 use std::process::ExitCode;
+use stdout::unless_unread;
 
 /// Runs the command; errors go to stderr with their causes.
 pub(crate) fn main() -> ExitCode {
-    let cli = Cli::parse();
-    let log = log::start(cli.quiet, cli.verbose);
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(said) => return say(&said),
+    };
+    let log = log::start(cli.quiet, cli.verbose, Colour::settle());
+    let interrupt = Interrupt::listen();
     let result = match cli.command {
-        None => optimize::run(&OptimizeArgs::main_job(), &log),
-        Some(Command::Optimize(args)) => optimize::run(&args, &log),
+        None => optimize::run(&OptimizeArgs::main_job(), &log, &interrupt),
+        Some(Command::Optimize(args)) => optimize::run(&args, &log, &interrupt),
         Some(Command::Plan(args)) => plan::run(&args),
-        Some(Command::Render(args)) => render::run(&args, &log),
-        Some(Command::Compare(args)) => compare::run(&args, &log),
-        Some(Command::Peer(args)) => Ok(compare::run_peer(&args)),
-        Some(Command::Stability(args)) => stability::run(&args),
+        Some(Command::Render(args)) => render::run(&args, &log, &interrupt),
+        Some(Command::Compare(args)) => compare::run(&args, &log, &interrupt),
+        Some(Command::Peer(args)) => Ok(compare::run_peer(&args, &interrupt)),
+        Some(Command::Stability(args)) => stability::run(&args, &interrupt),
         Some(Command::Stats(args)) => stats::run(&args),
         Some(Command::Devices(args)) => devices::run(&args),
     };
-    match result {
-        Ok(code) => code,
-        Err(error) => {
-            print_error(&format!("prbvh: {}", told_once(&error)));
-            ExitCode::FAILURE
-        }
-    }
+    let code = result.unwrap_or_else(|error| {
+        print_error(&format!("prbvh: {}", told_once(&error)));
+        ExitCode::FAILURE
+    });
+    interrupt.exit_code().unwrap_or(code)
 }
 
-/// Prints a line to stdout; a reader that went away (`prbvh … | head`) is no error.
-fn print(text: &str) {
-    use std::io::Write;
-    let _ = writeln!(std::io::stdout().lock(), "{text}");
+/// Says what the parser of arguments has to say: help, the version, or an error.
+fn say(said: &clap::Error) -> ExitCode {
+    let printed = unless_unread(said.print().and_then(|()| io::stdout().flush()));
+    match printed {
+        Err(error) if !said.use_stderr() => {
+            print_error(&format!("prbvh: stdout: {error}"));
+            ExitCode::FAILURE
+        }
+        _ => u8::try_from(said.exit_code()).map_or(ExitCode::FAILURE, ExitCode::from),
+    }
 }
 
 /// Prints a line to stderr; that nobody reads it is no error either.
 fn print_error(text: &str) {
-    use std::io::Write;
-    let _ = writeln!(std::io::stderr().lock(), "{text}");
+    let _ = writeln!(io::stderr().lock(), "{text}");
 }
 
 /// The error with its causes, less those that the text before them tells already.

@@ -1,14 +1,18 @@
-//! `prbvh optimize`, and `prbvh` alone.
+//! `prbvh optimize` of one scene, and `prbvh` alone.
 
 use super::args::OptimizeArgs;
-use super::interrupt::Interrupt;
+use super::in_a_row;
+use super::interrupt::{Held, Interrupt};
 use super::log::Log;
-use super::{load_scene, print};
+use super::out_folder::OutFolder;
+use super::overwrite::refuse_overwrite;
+use super::scenes::Named;
+use super::stdout::print;
 use anyhow::Context;
 use clap::ValueEnum;
 use prbvh::accuracy::{self, AccuracyReport, NumericsCheck};
 use prbvh::bvh::{self, SahModel};
-use prbvh::device::{self, Device};
+use prbvh::device::{self, Device, Meter};
 use prbvh::optimize::{Epsilon, IterationRow, Limits, Order, StopReason};
 use prbvh::pipeline::{self, Initial, Optimized, Optimizer, Settings};
 use prbvh::plan::{DeviceCode, Plan};
@@ -22,65 +26,144 @@ use std::process::ExitCode;
 /// Columns where the width of the terminal is not known.
 pub(super) const DEFAULT_COLUMNS: u16 = 100;
 
-pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
-    let mut settings = args.settings()?;
-    let interrupt = Interrupt::listen();
-    let mut device = device::open(args.device, args.threads, args.validate)?;
-    let scene = load_scene(&args.scene, args.triangles)?;
-    let known = known_cost(&scene)?;
-    args.target.apply(&mut settings, &scene, known.as_ref())?;
-    if let Some(folder) = &args.out {
-        check_folder(folder)?;
+/// Files of a run in its folder.
+pub(super) const OUTPUTS: [&str; 5] = {
+    let [report, iterations, convergence, accuracy] = RunReport::FILES;
+    [TREE, report, iterations, convergence, accuracy]
+};
+
+const TREE: &str = "tree.bvh";
+
+pub(super) fn run(args: &OptimizeArgs, log: &Log, interrupt: &Interrupt) -> anyhow::Result<ExitCode> {
+    let settings = args.settings()?;
+    match &args.scenes.named()?[..] {
+        [scene] if !args.scenes.in_a_row() => alone(args, &settings, scene, log, interrupt),
+        scenes => in_a_row::run(args, &settings, scenes, log, interrupt),
     }
+}
+
+fn alone(
+    args: &OptimizeArgs,
+    settings: &Settings,
+    named: &Named,
+    log: &Log,
+    interrupt: &Interrupt,
+) -> anyhow::Result<ExitCode> {
+    let outputs = args.out.iter().flat_map(|folder| OUTPUTS.map(|name| folder.join(name)));
+    refuse_overwrite([&*named.path].into_iter().chain(other_inputs(args, settings)), outputs)?;
+    let mut device = device::open(args.device, args.threads, args.validate)?;
+    let scene = named.load()?;
+    let (settings, known) = settings_for(args, settings, &scene)?;
+    let folder = args.out.as_deref().map(OutFolder::open).transpose()?;
+    let Done { result, report, held } =
+        optimized(args, &settings, &scene, known.as_ref(), &mut *device, (log, interrupt))?;
+    let written = folder.as_ref().map_or(Ok(()), |folder| write(folder.path(), &scene, &result, &report));
+    // Nothing is lost any more, and who reads may be slow.
+    drop((folder, held));
+    let printed = show(args, &report);
+    // Not before: where the disk is full the user has at least the outcome.
+    written?;
+    printed?;
+    judge(&result, report.accuracy.as_ref())?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// What a run reads beside its scenes.
+pub(super) fn other_inputs<'a>(args: &'a OptimizeArgs, settings: &'a Settings) -> impl Iterator<Item = &'a Path> {
+    let initial = match &settings.initial {
+        Initial::File(path) => Some(&**path),
+        _ => None,
+    };
+    initial.into_iter().chain(args.scenes.list())
+}
+
+/// The settings for a scene, with the cost at which its run may end, and the lowest cost known.
+pub(super) fn settings_for(
+    args: &OptimizeArgs,
+    settings: &Settings,
+    scene: &Scene,
+) -> anyhow::Result<(Settings, Option<ReferenceCost>)> {
+    let mut settings = settings.clone();
+    let known = known_cost(scene)?;
+    args.target.apply(&mut settings, scene, known.as_ref())?;
+    Ok((settings, known))
+}
+
+/// An optimised scene.
+pub(super) struct Done<'a> {
+    pub(super) result: Optimized,
+    pub(super) report: RunReport,
+    /// Since the first tree, until all is written.
+    pub(super) held: Option<Held<'a>>,
+}
+
+/// Runs the pipeline. A signal ends it with the best tree so far; before the first tree it ends the program.
+pub(super) fn optimized<'a>(
+    args: &OptimizeArgs,
+    settings: &Settings,
+    scene: &Scene,
+    known: Option<&ReferenceCost>,
+    device: &mut dyn Device,
+    (log, interrupt): (&Log, &'a Interrupt),
+) -> anyhow::Result<Done<'a>> {
+    let device = &mut Meter::new(device);
+    let mut stoppable = settings.clone();
+    stoppable.limits_mut().stop = Some(interrupt.stop());
     tracing::info!("{}: {} triangles, on {}", scene.name, scene.triangles.len(), device.info().name);
 
-    let bar = log.bar(limits(&settings).map_or(0, |limits| limits.max_iterations));
-    let plan = Plan::of(&scene, device.info(), &settings, &[])?;
-    let mut check = args.check_numerics.then(|| NumericsCheck::new(&scene, &settings));
-    let seen = |row: &IterationRow| {
+    let bar = log.bar(limits(settings).map_or(0, |limits| limits.max_iterations));
+    let plan = Plan::of(scene, device.info(), settings, &[])?;
+    let mut check = args.check_numerics.then(|| NumericsCheck::new(scene, settings));
+    let mut held = None;
+    let mut seen = |row: &IterationRow| {
+        held.get_or_insert_with(|| interrupt.hold());
         bar.set_position(u64::from(row.iteration));
         bar.set_message(format!("cost {:.3}", row.cost));
-        log_row(row);
+        if args.scenes.in_a_row() {
+            tracing::debug!("{}", row_text(row));
+        } else {
+            tracing::info!("{}", row_text(row));
+        }
         if interrupt.pressed() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     // Only the check wants the tree of each row, and pays for it.
     let result = match &mut check {
-        None => pipeline::optimize_by(plan, &scene, &mut *device, &settings, &mut |row| seen(row)),
-        Some(check) => {
-            pipeline::optimize_watched(plan, &scene, &mut *device, &settings, &mut |row, tree| match seen(row) {
-                ControlFlow::Continue(()) => check.observe(row, tree),
-                stop => stop,
-            })
-        }
+        None => pipeline::optimize_by(plan, scene, device, &stoppable, &mut |row| seen(row)),
+        Some(check) => pipeline::optimize_watched(plan, scene, device, &stoppable, &mut |row, tree| match seen(row) {
+            ControlFlow::Continue(()) => check.observe(row, tree),
+            stop => stop,
+        }),
     };
     log.end_bar();
     let result = result?;
-    let mut report = report(args, &scene, &*device, &settings, &result);
-    report.set_reference(known.as_ref());
+    let mut report = report(args, scene, device, settings, &result);
+    report.set_reference(known);
     report.accuracy = check.map(NumericsCheck::finish).transpose()?;
+    Ok(Done { result, report, held })
+}
 
-    let written = args.out.as_deref().map_or(Ok(()), |folder| write(folder, &scene, &result, &report));
+fn show(args: &OptimizeArgs, report: &RunReport) -> anyhow::Result<()> {
     if args.json {
-        print(&serde_json::to_string_pretty(&report).context("report as JSON")?);
-    } else {
-        let columns = console::Term::stdout().size_checked().map_or(DEFAULT_COLUMNS, |(_, columns)| columns);
-        print(&report::table(&report, columns));
-        if let Some(accuracy) = &report.accuracy {
-            print(accuracy::table(accuracy, columns).trim_end());
-        }
+        return print(&serde_json::to_string_pretty(report).context("report as JSON")?);
     }
-    // Not before: where the disk is full the user has at least the outcome.
-    written?;
-    if let StopReason::Fault(_) = result.outcome.stop {
-        anyhow::bail!("{}; the best tree before it was kept", result.outcome.stop);
+    let columns = console::Term::stdout().size_checked().map_or(DEFAULT_COLUMNS, |(_, columns)| columns);
+    print(&report::table(report, columns))?;
+    match &report.accuracy {
+        Some(accuracy) => print(accuracy::table(accuracy, columns).trim_end()),
+        None => Ok(()),
     }
-    judge(report.accuracy.as_ref())?;
-    Ok(ExitCode::SUCCESS)
 }
 
 /// # Errors
-/// If the numbers were checked and are not as they must be.
-fn judge(accuracy: Option<&AccuracyReport>) -> anyhow::Result<()> {
+/// If the run ended by a fault, or its numbers were checked and are not as they must be.
+pub(super) fn judge(result: &Optimized, accuracy: Option<&AccuracyReport>) -> anyhow::Result<()> {
+    if let StopReason::Fault(_) = result.outcome.stop {
+        anyhow::bail!("{}; the best tree before it was kept", result.outcome.stop);
+    }
+    judge_numbers(accuracy)
+}
+
+fn judge_numbers(accuracy: Option<&AccuracyReport>) -> anyhow::Result<()> {
     match accuracy.and_then(AccuracyReport::verdict) {
         Some(wrong) => anyhow::bail!(wrong),
         None => Ok(()),
@@ -93,17 +176,9 @@ fn known_cost(scene: &Scene) -> anyhow::Result<Option<ReferenceCost>> {
     Ok(costs.get(&scene.hash, &SahModel::default()).cloned())
 }
 
-/// Makes the folder of the outputs and tries whether files can be made in it, before any time is spent on what is to go there.
-pub(super) fn check_folder(folder: &Path) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder)
-        .and_then(|()| tempfile::tempfile_in(folder))
-        .with_context(|| format!("--out {}: no files can be made there", folder.display()))?;
-    Ok(())
-}
-
-fn write(folder: &Path, scene: &Scene, result: &Optimized, report: &RunReport) -> anyhow::Result<()> {
+pub(super) fn write(folder: &Path, scene: &Scene, result: &Optimized, report: &RunReport) -> anyhow::Result<()> {
     // The tree first: it is what the time was spent on.
-    let tree = folder.join("tree.bvh");
+    let tree = folder.join(TREE);
     bvh::file::write(&tree, &result.tree, &scene.hash)?;
     tracing::info!("wrote {}", tree.display());
     for path in report.write(folder)? {
@@ -112,11 +187,11 @@ fn write(folder: &Path, scene: &Scene, result: &Optimized, report: &RunReport) -
     Ok(())
 }
 
-fn log_row(row: &IterationRow) {
+fn row_text(row: &IterationRow) -> String {
     let IterationRow { iteration, time_s, cost, searched, found, owned, applied, .. } = row;
-    tracing::info!(
+    format!(
         "iteration {iteration:3}  {time_s:8.3} s  cost {cost:9.3}  searched {searched:7}  found {found:7}  owned {owned:7}  applied {applied:7}"
-    );
+    )
 }
 
 fn report(
@@ -219,10 +294,10 @@ mod tests {
     #[test]
     fn wrong_numbers_are_an_error() {
         let mut accuracy = AccuracyReport { search: None, breaches: Vec::new(), rows: Vec::new() };
-        assert!(judge(None).is_ok() && judge(Some(&accuracy)).is_ok());
+        assert!(judge_numbers(None).is_ok() && judge_numbers(Some(&accuracy)).is_ok());
         let what = "the cost is 3, 2 in f64".to_owned();
         accuracy.breaches.push(Breach { iteration: 7, kind: BreachKind::Cost, what });
-        let error = judge(Some(&accuracy)).unwrap_err().to_string();
+        let error = judge_numbers(Some(&accuracy)).unwrap_err().to_string();
         assert!(error.contains("iteration 7: the cost is 3, 2 in f64"), "{error}");
     }
 }

@@ -2,7 +2,8 @@
 
 use super::args::OptimizeArgs;
 use super::optimize::DEFAULT_COLUMNS;
-use super::{load_scene, print};
+use super::scenes::Named;
+use super::stdout::print;
 use anyhow::Context;
 use clap::Args;
 use prbvh::device::{self, Device};
@@ -11,7 +12,6 @@ use prbvh::plan::{self, Plan};
 use prbvh::scene::{self, Scene};
 use prbvh::stability::CATALOGUE;
 use serde_json::{Value, json};
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// The arguments of `prbvh optimize`, of which only those count that a plan follows.
@@ -19,9 +19,6 @@ use std::process::ExitCode;
 pub(super) struct PlanArgs {
     #[command(flatten)]
     optimize: OptimizeArgs,
-    /// More scenes: one table says how their plans differ.
-    #[arg(value_name = "SCENE")]
-    more: Vec<PathBuf>,
     /// The scenes of `prbvh stability` too.
     #[arg(long)]
     catalogue: bool,
@@ -29,12 +26,13 @@ pub(super) struct PlanArgs {
 
 /// Says what `prbvh optimize` would do.
 pub(super) fn run(args: &PlanArgs) -> anyhow::Result<ExitCode> {
-    let PlanArgs { optimize, more, catalogue } = args;
+    let PlanArgs { optimize, catalogue } = args;
     anyhow::ensure!(optimize.out.is_none(), "--out is for `prbvh optimize`: a plan writes no files");
     let settings = optimize.settings()?;
     let device = device::open(optimize.device, optimize.threads, optimize.validate)?;
-    if more.is_empty() && !catalogue {
-        return one(optimize, &*device, &settings);
+    let scenes = optimize.scenes.named()?;
+    if let ([scene], false) = (&scenes[..], catalogue) {
+        return one(optimize, scene, &*device, &settings);
     }
     let mut plans = Vec::new();
     let mut jsons = Vec::new();
@@ -46,9 +44,8 @@ pub(super) fn run(args: &PlanArgs) -> anyhow::Result<ExitCode> {
         plans.push((scene.name.clone(), plan));
         Ok(())
     };
-    add(&load_scene(&optimize.scene, optimize.triangles)?)?;
-    for path in more {
-        add(&load_scene(path, None)?)?;
+    for scene in &scenes {
+        add(&scene.load()?)?;
     }
     if *catalogue {
         for case in CATALOGUE {
@@ -59,24 +56,24 @@ pub(super) fn run(args: &PlanArgs) -> anyhow::Result<ExitCode> {
         let kinds = plan::kinds(&plans.iter().map(|(_, plan)| plan).collect::<Vec<_>>());
         let different = kinds.iter().max().copied().unwrap_or(0);
         let json = json!({ "different": different, "kinds": kinds, "plans": jsons });
-        print(&serde_json::to_string_pretty(&json).context("plans as JSON")?);
+        print(&serde_json::to_string_pretty(&json).context("plans as JSON")?)?;
     } else {
-        print(&format!("on {}", device.info().name));
-        print(&plan::overview(&plans, columns()));
+        print(&format!("on {}", device.info().name))?;
+        print(&plan::overview(&plans, columns()))?;
     }
     plans.iter().try_for_each(|(name, plan)| plan.check(device.info()).with_context(|| name.clone()))?;
     Ok(ExitCode::SUCCESS)
 }
 
 /// One scene, with its census, its phases, and why each decision is as it is.
-fn one(args: &OptimizeArgs, device: &dyn Device, settings: &Settings) -> anyhow::Result<ExitCode> {
-    let scene = load_scene(&args.scene, args.triangles)?;
+fn one(args: &OptimizeArgs, named: &Named, device: &dyn Device, settings: &Settings) -> anyhow::Result<ExitCode> {
+    let scene = named.load()?;
     let plan = Plan::of(&scene, device.info(), settings, &[])?;
     if args.json {
-        print(&serde_json::to_string_pretty(&to_json(&scene, &plan, device)).context("plan as JSON")?);
+        print(&serde_json::to_string_pretty(&to_json(&scene, &plan, device)).context("plan as JSON")?)?;
     } else {
-        print(&format!("{} on {}", scene.name, device.info().name));
-        print(&plan::table(&scene.census, scene::duplicate_boxes(&scene.triangles), &plan, columns()));
+        print(&format!("{} on {}", scene.name, device.info().name))?;
+        print(&plan::table(&scene.census, scene::duplicate_boxes(&scene.triangles), &plan, columns()))?;
     }
     plan.check(device.info())?;
     Ok(ExitCode::SUCCESS)

@@ -1,21 +1,25 @@
 //! `prbvh render`.
 
 use super::interrupt::Interrupt;
+use super::load_scene;
 use super::log::Log;
+use super::overwrite::refuse_overwrite;
 use super::render_args::RenderArgs;
-use super::{load_scene, print};
+use super::stdout::print;
 use anyhow::{Context, ensure};
 use prbvh::bvh::{self, Bvh};
 use prbvh::device::{self, Device};
 use prbvh::pipeline::{self, Settings};
 use prbvh::render::{RayCost, Rendering, clear_view, heat_map, render, shaded, write_png};
+use prbvh::report::write::is_written_through;
 use prbvh::scene::Scene;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::process::ExitCode;
 
-pub(super) fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<ExitCode> {
-    let interrupt = Interrupt::listen();
+/// A signal ends it at once: of a picture there is all or nothing.
+pub(super) fn run(args: &RenderArgs, log: &Log, interrupt: &Interrupt) -> anyhow::Result<ExitCode> {
+    refuse_overwrite([&*args.scene].into_iter().chain(args.tree.as_deref()), [args.out.clone()])?;
     let mut device = device::open(args.device, args.threads, args.validate)?;
     let scene = load_scene(&args.scene, args.triangles)?;
     let tree = match &args.tree {
@@ -25,12 +29,13 @@ pub(super) fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<ExitCode> {
             let bar = log.bar(settings.prbvh.limits.max_iterations);
             let result = pipeline::optimize(&scene, &mut *device, &settings, &mut |row| {
                 bar.set_position(u64::from(row.iteration));
-                if interrupt.pressed() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+                ControlFlow::Continue(())
             });
             log.end_bar();
             result?.tree
         }
     };
+    tracing::info!("{}: {} triangles, rendering on {}", scene.name, scene.triangles.len(), device.info().name);
     let rendering = picture(args, &mut *device, &scene, &tree)?;
     if rendering.primary.hits == 0 {
         tracing::warn!("no triangle is in view: the picture shows the sky alone");
@@ -42,12 +47,15 @@ pub(super) fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<ExitCode> {
     } else {
         shaded(&rendering)
     };
+    // A file has a temporary name until it is whole. A pipe may wait for its reader.
+    let held = (!is_written_through(&args.out)).then(|| interrupt.hold());
     write_png(&args.out, rendering.width, rendering.height, &pixels)?;
+    drop(held);
     tracing::info!("wrote {}", args.out.display());
     if args.json {
-        print(&json(&scene, &*device, &tree, &rendering).context("rays as JSON")?);
+        print(&json(&scene, &*device, &tree, &rendering).context("rays as JSON")?)?;
     } else {
-        print(&table(&rendering));
+        print(&table(&rendering))?;
     }
     Ok(ExitCode::SUCCESS)
 }

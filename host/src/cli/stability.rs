@@ -2,7 +2,7 @@
 
 use super::args::threads;
 use super::interrupt::Interrupt;
-use super::print;
+use super::stdout::print;
 use anyhow::Context;
 use clap::Args;
 use prbvh::device::DeviceChoice;
@@ -53,21 +53,28 @@ fn devices(text: &str) -> Result<Devices, String> {
     named.collect::<Result<_, _>>().map(Devices::Named)
 }
 
-pub(super) fn run(args: &StabilityArgs) -> anyhow::Result<ExitCode> {
+pub(super) fn run(args: &StabilityArgs, interrupt: &Interrupt) -> anyhow::Result<ExitCode> {
     let cases = chosen("--cases", &args.cases, CATALOGUE.to_vec(), |case| case.name)?;
-    let methods = chosen("--methods", &args.methods, stability::methods(), |method| method.name)?;
+    let mut methods = chosen("--methods", &args.methods, stability::methods(), |method| method.name)?;
     if args.list {
-        print(stability::listing(&cases, &methods, args.full).trim_end());
+        print(stability::listing(&cases, &methods, args.full).trim_end())?;
         return Ok(ExitCode::SUCCESS);
     }
-    let interrupt = Interrupt::listen();
-    let mut lanes = open(args)?;
+    let stop = interrupt.stop();
+    let mut lanes: Vec<Lane> = open(args)?.into_iter().map(|lane| lane.stoppable(&stop)).collect();
+    for method in &mut methods {
+        method.settings.limits_mut().stop = Some(stop.clone());
+    }
     for lane in &lanes {
         tracing::info!("{}: {}", lane.name, lane.info().name);
     }
+    let held = interrupt.hold();
     let mut done = 0;
     let per_case = methods.len() * lanes.len();
     let rows = stability::run(&cases, &methods, &mut lanes, args.full, &Library, &mut |rows: &[Row]| {
+        if interrupt.pressed() {
+            return ControlFlow::Break(());
+        }
         done += rows.len();
         for row in rows.iter().filter(|row| !row.is_green()) {
             tracing::warn!("{}, {}, {}: red", row.case, row.method, row.device);
@@ -76,8 +83,9 @@ pub(super) fn run(args: &StabilityArgs) -> anyhow::Result<ExitCode> {
             let case = rows.first().map_or("", |row| &row.case);
             tracing::info!("{case}: case {} of {}", done / per_case, cases.len());
         }
-        if interrupt.pressed() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        ControlFlow::Continue(())
     })?;
+    drop(held);
     let red = rows.iter().filter(|row| !row.is_green()).count();
     let is_whole = rows.len() == cases.len() * per_case;
     if args.json {
@@ -94,10 +102,10 @@ pub(super) fn run(args: &StabilityArgs) -> anyhow::Result<ExitCode> {
             "red": red,
             "rows": rows,
         });
-        print(&serde_json::to_string_pretty(&json).context("rows as JSON")?);
+        print(&serde_json::to_string_pretty(&json).context("rows as JSON")?)?;
     } else {
-        print(stability::table(&rows).trim_end());
-        print(stability::summary(&rows).trim_end());
+        print(stability::table(&rows).trim_end())?;
+        print(stability::summary(&rows).trim_end())?;
     }
     anyhow::ensure!(is_whole, "interrupted: {} of {} rows", rows.len(), cases.len() * per_case);
     Ok(exit_code(red))

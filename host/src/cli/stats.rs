@@ -1,7 +1,8 @@
 //! `prbvh stats`.
 
 use super::args::StatsArgs;
-use super::{load_scene, print, print_error};
+use super::stdout::print;
+use super::{load_scene, print_error};
 use anyhow::Context;
 use prbvh::bvh::{self, SahModel, TreeFault};
 use std::process::ExitCode;
@@ -24,7 +25,7 @@ pub(super) fn run(args: &StatsArgs) -> anyhow::Result<ExitCode> {
     }
     let triangles = scene.as_ref().map(|scene| scene.triangles.as_slice());
     if let Err(faults) = bvh::validate(&file.tree, triangles) {
-        return Ok(report_faults(args, &faults));
+        return report_faults(args, &faults);
     }
     let model = SahModel::default();
     let quality = bvh::quality(&file.tree, &model);
@@ -38,30 +39,30 @@ pub(super) fn run(args: &StatsArgs) -> anyhow::Result<ExitCode> {
             json.insert("tree_hash".into(), hash.into());
             json.insert("scene_hash".into(), file.scene_hash.into());
         }
-        print(&serde_json::to_string_pretty(&json)?);
+        print(&serde_json::to_string_pretty(&json)?)?;
     } else {
         let (c_t, c_i) = (model.c_traversal, model.c_intersect);
         let leaf_boxes = if scene.is_some() { "leaf boxes checked" } else { "leaf boxes not checked: no --scene" };
-        print(&format!("valid        yes ({leaf_boxes})"));
-        print(&format!("SAH cost     {:.3} (c_T = {c_t}, c_I = {c_i})", quality.sah_cost));
+        print(&format!("valid        yes ({leaf_boxes})"))?;
+        print(&format!("SAH cost     {:.3} (c_T = {c_t}, c_I = {c_i})", quality.sah_cost))?;
         match epo {
-            Some(epo) => print(&format!("EPO          {epo:.3} (c_T = {c_t}, c_I = {c_i})")),
-            None => print("EPO          needs the triangles: --scene"),
+            Some(epo) => print(&format!("EPO          {epo:.3} (c_T = {c_t}, c_I = {c_i})"))?,
+            None => print("EPO          needs the triangles: --scene")?,
         }
-        print(&format!("depth        {} (leaves {:.1} on average)", quality.max_depth, quality.mean_leaf_depth));
-        print(&format!("nodes        {}", quality.nodes));
-        print(&format!("leaves       {}", quality.leaves));
-        print(&format!("triangles    {}", quality.triangles));
-        print(&format!("tree hash    {hash}"));
-        print(&format!("scene hash   {}", file.scene_hash));
+        print(&format!("depth        {} (leaves {:.1} on average)", quality.max_depth, quality.mean_leaf_depth))?;
+        print(&format!("nodes        {}", quality.nodes))?;
+        print(&format!("leaves       {}", quality.leaves))?;
+        print(&format!("triangles    {}", quality.triangles))?;
+        print(&format!("tree hash    {hash}"))?;
+        print(&format!("scene hash   {}", file.scene_hash))?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn report_faults(args: &StatsArgs, faults: &[TreeFault]) -> ExitCode {
+fn report_faults(args: &StatsArgs, faults: &[TreeFault]) -> anyhow::Result<ExitCode> {
     if args.json {
         let texts: Vec<String> = faults.iter().map(ToString::to_string).collect();
-        print(&serde_json::json!({ "valid": false, "faults": texts }).to_string());
+        print(&serde_json::json!({ "valid": false, "faults": texts }).to_string())?;
     } else {
         print_error(&format!("prbvh: {} is no valid tree, {} faults:", args.tree.display(), faults.len()));
         for fault in faults.iter().take(FAULTS_SHOWN) {
@@ -71,5 +72,5 @@ fn report_faults(args: &StatsArgs, faults: &[TreeFault]) -> ExitCode {
             print_error(&format!("  and {} more", faults.len() - FAULTS_SHOWN));
         }
     }
-    ExitCode::FAILURE
+    Ok(ExitCode::FAILURE)
 }

@@ -1,17 +1,17 @@
 //! One method on one scene: the tree, measured.
 
-use super::meter::Meter;
-use super::methods::{Builder, HostBuilt, Job};
+use super::methods::{Builder, HostBuilder, Job};
 use super::peers::{self, PeerError, PeerHost};
 use super::{MethodError, OptimizerRun, Purpose};
 use crate::build::DeviceTree;
 use crate::bvh::{self, Bvh, Quality, SahModel};
 use crate::collapse::{CollapseSettings, collapse};
-use crate::device::{Device, DeviceKind, Timing};
+use crate::device::{Device, DeviceError, DeviceKind, Meter, Timing};
 use crate::optimize::{IterationRow, StopReason};
 use crate::pipeline::{self, Optimizer, Settings};
 use crate::report::PhaseTimes;
 use crate::scene::{SafeRange, Scene};
+use crate::stop::Stop;
 use prbvh_kernel::setup::Triangle;
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -30,6 +30,8 @@ pub(super) struct Host {
     pub(super) threads: usize,
     /// How peers are run.
     pub(super) peers: Option<PeerHost>,
+    /// Whether the comparison is to end.
+    pub(super) stop: Stop,
 }
 
 /// A tree with one triangle per leaf, and how it came about.
@@ -58,8 +60,10 @@ impl<'a> Subject<'a> {
         let is_cpu = device.info().kind == DeviceKind::Cpu;
         let threads = u32::try_from(if is_cpu { host.threads } else { 0 }).unwrap_or(u32::MAX);
         let mut made = match &job.builder {
-            Builder::Pipeline(settings) => self.by_pipeline(settings, device)?,
-            Builder::Host { threads, build } => return self.on_host(job, threads.unwrap_or(host.threads), *build),
+            Builder::Pipeline(settings) => self.by_pipeline(settings, device, &host.stop)?,
+            Builder::Host { threads, build } => {
+                return self.on_host(job, threads.unwrap_or(host.threads), *build, &host.stop);
+            }
             Builder::Peer(peer) => return self.by_peer(job, peer, host),
         };
         made.threads = threads;
@@ -68,11 +72,16 @@ impl<'a> Subject<'a> {
         Ok(made)
     }
 
-    fn by_pipeline(&self, settings: &Settings, device: &mut dyn Device) -> Result<Made, MethodError> {
+    fn by_pipeline(&self, settings: &Settings, device: &mut dyn Device, stop: &Stop) -> Result<Made, MethodError> {
         let mut meter = Meter::new(device);
-        let result = pipeline::optimize(self.scene, &mut meter, settings, &mut |_| ControlFlow::Continue(()))?;
-        if let StopReason::Fault(_) = result.outcome.stop {
-            return Err(MethodError::Fault(result.outcome.stop.to_string()));
+        let mut settings = settings.clone();
+        settings.limits_mut().stop = Some(stop.clone());
+        let result = pipeline::optimize(self.scene, &mut meter, &settings, &mut |_| ControlFlow::Continue(()))?;
+        match result.outcome.stop {
+            StopReason::Fault(_) => return Err(MethodError::Fault(result.outcome.stop.to_string())),
+            // What it had by then is not what the method makes.
+            StopReason::Cancelled => return Err(DeviceError::Stopped.into()),
+            _ => {}
         }
         let run = OptimizerRun {
             initial: settings.initial.to_string(),
@@ -88,15 +97,10 @@ impl<'a> Subject<'a> {
         Ok(metered(&meter, result.tree, result.quality, result.build_s + result.optimize_s, run))
     }
 
-    fn on_host(
-        &self,
-        job: &Job,
-        threads: usize,
-        build: fn(&[Triangle]) -> Result<HostBuilt, MethodError>,
-    ) -> Result<Made, MethodError> {
+    fn on_host(&self, job: &Job, threads: usize, build: HostBuilder, stop: &Stop) -> Result<Made, MethodError> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
         let start = Instant::now();
-        let built = pool.install(|| build(&self.working))?;
+        let built = pool.install(|| build(&self.working, stop))?;
         let wall_s = start.elapsed().as_secs_f64();
         let tree = Bvh::from_device(&built.nodes).map_err(MethodError::InvalidTree)?;
         let (tree, quality) = checked(tree, self.scene)?;
@@ -109,7 +113,7 @@ impl<'a> Subject<'a> {
 
     fn by_peer(&self, job: &Job, peer: &str, host: &Host) -> Result<Made, MethodError> {
         let program = host.peers.as_ref().ok_or(PeerError::NoHost)?;
-        let built = peers::run(program, peer, &self.scene.triangles, host.threads)?;
+        let built = peers::run(program, peer, &self.scene.triangles, host.threads, &host.stop)?;
         let wall_s = built.build_s;
         let (tree, quality) = checked(built.into_bvh(), self.scene)?;
         let run = run_of_builder(&quality, wall_s);

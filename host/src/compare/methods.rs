@@ -6,10 +6,12 @@ use crate::build;
 use crate::build::MortonBits;
 #[cfg(feature = "atrbvh")]
 use crate::build::TreeletSize;
+use crate::device::DeviceError;
 use crate::device::cpu::CpuDevice;
-use crate::optimize::{self, IterationRow, Order, PrbvhSettings, RbvhSettings};
+use crate::optimize::{self, IterationRow, Order, PrbvhSettings, RbvhSettings, StopReason};
 use crate::pipeline::{Initial, Optimizer, Settings};
 use crate::presets::{self, Candidate};
+use crate::stop::Stop;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
 use std::num::NonZeroU32;
@@ -37,11 +39,14 @@ pub(super) enum Builder {
         /// Threads that it takes; none: as many as there are to be.
         threads: Option<usize>,
         /// Builds.
-        build: fn(&[Triangle]) -> Result<HostBuilt, MethodError>,
+        build: HostBuilder,
     },
     /// Another library, by the name that [`peers`] knows.
     Peer(&'static str),
 }
+
+/// Builds on the host. What takes long looks whether it is to end.
+pub(super) type HostBuilder = fn(&[Triangle], &Stop) -> Result<HostBuilt, MethodError>;
 
 /// What a builder on the host made.
 #[derive(Clone, Debug)]
@@ -110,12 +115,12 @@ const METHODS: &[Entry] = &[
     Entry {
         name: "sah-sweep",
         is_default: true,
-        jobs: |_| vec![host("sah-sweep", |triangles| builder(build::sah_sweep(triangles)))],
+        jobs: |_| vec![host("sah-sweep", |triangles, _| builder(build::sah_sweep(triangles)))],
     },
     Entry {
         name: "sah-binned",
         is_default: true,
-        jobs: |_| vec![host("sah-binned", |triangles| builder(build::sah_binned(triangles)))],
+        jobs: |_| vec![host("sah-binned", |triangles, _| builder(build::sah_binned(triangles)))],
     },
     Entry {
         name: "candidates",
@@ -154,7 +159,7 @@ fn candidate(candidate: &Candidate) -> Option<Job> {
     Some(Job { method: candidate.to_string(), mu: None, builder: Builder::Pipeline(Box::new(settings)) })
 }
 
-fn host(method: &str, build: fn(&[Triangle]) -> Result<HostBuilt, MethodError>) -> Job {
+fn host(method: &str, build: HostBuilder) -> Job {
     let builder = Builder::Host { threads: None, build };
     Job { method: method.to_owned(), mu: None, builder }
 }
@@ -163,27 +168,31 @@ fn builder(nodes: Vec<Node>) -> Result<HostBuilt, MethodError> {
     Ok(HostBuilt { nodes, optimizer: None })
 }
 
-fn rbvh(method: &str, build: fn(&[Triangle]) -> Result<HostBuilt, MethodError>) -> Job {
+fn rbvh(method: &str, build: HostBuilder) -> Job {
     Job { method: method.to_owned(), mu: None, builder: Builder::Host { threads: Some(1), build } }
 }
 
-fn rbvh_as_published(triangles: &[Triangle]) -> Result<HostBuilt, MethodError> {
-    run_rbvh(triangles, &RbvhSettings { undo: false, ..RbvhSettings::default() })
+fn rbvh_as_published(triangles: &[Triangle], stop: &Stop) -> Result<HostBuilt, MethodError> {
+    run_rbvh(triangles, RbvhSettings { undo: false, ..RbvhSettings::default() }, stop)
 }
 
-fn rbvh_with_undo(triangles: &[Triangle]) -> Result<HostBuilt, MethodError> {
-    run_rbvh(triangles, &RbvhSettings::default())
+fn rbvh_with_undo(triangles: &[Triangle], stop: &Stop) -> Result<HostBuilt, MethodError> {
+    run_rbvh(triangles, RbvhSettings::default(), stop)
 }
 
 /// RBVH from LBVH, all on one thread.
-fn run_rbvh(triangles: &[Triangle], settings: &RbvhSettings) -> Result<HostBuilt, MethodError> {
+fn run_rbvh(triangles: &[Triangle], mut settings: RbvhSettings, stop: &Stop) -> Result<HostBuilt, MethodError> {
+    settings.limits.stop = Some(stop.clone());
     let start = Instant::now();
     let mut device = CpuDevice::new(1)?;
     let (tree, _) = build::lbvh(&mut device, triangles, MortonBits::default())?;
     let mut nodes = tree.download(&mut device)?;
     let build_s = start.elapsed().as_secs_f64();
-    let run = optimize::rbvh(&mut nodes, settings, &mut |_, _| ControlFlow::Continue(()));
+    let run = optimize::rbvh(&mut nodes, &settings, &mut |_, _| ControlFlow::Continue(()));
     let outcome = run.map_err(MethodError::InvalidTree)?;
+    if outcome.stop == StopReason::Cancelled {
+        return Err(DeviceError::Stopped.into());
+    }
     Ok(HostBuilt { nodes, optimizer: Some((build_s, outcome.rows)) })
 }
 

@@ -9,7 +9,6 @@ mod figures;
 mod fitted;
 mod measure;
 mod median;
-mod meter;
 mod methods;
 pub mod peers;
 mod rays;

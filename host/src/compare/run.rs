@@ -12,10 +12,11 @@ use super::{
 };
 use crate::bvh::SahModel;
 use crate::device::cpu::CpuDevice;
-use crate::device::{Device, DeviceError};
+use crate::device::{Device, DeviceError, Stoppable};
 use crate::reference::{ReferenceCost, ReferenceCosts};
 use crate::report::{Machine, Program};
 use crate::scene::{Scene, built_in};
+use crate::stop::Stop;
 use std::ops::ControlFlow;
 
 /// What to compare, and how.
@@ -37,6 +38,9 @@ pub struct CompareSettings {
     pub figures: bool,
     /// How other libraries are run; none: their rows say that they cannot be.
     pub peers: Option<PeerHost>,
+    /// Ends the comparison within a method, whose row then says that it was not run. A method on a device ends at its next command if the device is a
+    /// [`Stoppable`](crate::device::Stoppable) of the same.
+    pub stop: Stop,
 }
 
 /// A step of a comparison, told before it and after it.
@@ -69,13 +73,14 @@ pub fn compare(
     observe: &mut dyn FnMut(&Step) -> ControlFlow<()>,
 ) -> Comparison {
     assert!(!devices.is_empty(), "a comparison needs a device");
-    let host = Host { threads: settings.threads, peers: settings.peers.clone() };
+    let host = Host { threads: settings.threads, peers: settings.peers.clone(), stop: settings.stop.clone() };
     warm_up(devices, settings, &host);
     let extra = if settings.figures { figures::jobs(&settings.jobs) } else { Vec::new() };
     let runner = Runner { settings, host: &host, extra: &extra };
     let table = slots(&settings.jobs, devices.len(), settings.rays.is_some()).len() * settings.repeat as usize;
     let of = scenes.len() * (table + extra.len() + runner.one_thread_jobs().count());
-    let mut progress = Progress { observe, scene: String::new(), done: 0, of, is_over: false };
+    let stop = &settings.stop;
+    let mut progress = Progress { observe, stop, scene: String::new(), done: 0, of, is_over: false };
     let scenes = scenes.iter().map(|scene| runner.scene(scene, devices, &mut progress)).collect();
     Comparison {
         schema: SCHEMA,
@@ -114,6 +119,7 @@ fn warm_up(devices: &mut [Box<dyn Device>], settings: &CompareSettings, host: &H
 
 struct Progress<'a> {
     observe: &'a mut dyn FnMut(&Step) -> ControlFlow<()>,
+    stop: &'a Stop,
     scene: String,
     done: usize,
     of: usize,
@@ -135,7 +141,7 @@ impl Progress<'_> {
     fn tell(&mut self, method: &str, outcome: Option<Result<f64, String>>) {
         let (method, scene) = (method.to_owned(), self.scene.clone());
         let step = Step { scene, method, done: self.done, of: self.of, outcome };
-        self.is_over |= (self.observe)(&step).is_break();
+        self.is_over |= (self.observe)(&step).is_break() || self.stop.is_asked();
     }
 }
 
@@ -164,6 +170,9 @@ impl Runner<'_> {
                     continue;
                 }
                 slot.repeat(&mut state, devices);
+                if self.settings.stop.is_asked() {
+                    continue;
+                }
                 let outcome =
                     slot.failed().map_or_else(|| Ok(slot.cost().unwrap_or(f64::NAN)), |why| Err(why.to_owned()));
                 progress.ended(&name, outcome);
@@ -209,6 +218,7 @@ impl Runner<'_> {
                 progress.ended(&name, Ok(made.quality.sah_cost));
                 Some(Ok(made.run))
             }
+            Err(_) if self.settings.stop.is_asked() => None,
             Err(error) => {
                 let status = in_a_line(&error);
                 progress.ended(&name, Err(status.clone()));
@@ -235,7 +245,7 @@ impl Runner<'_> {
     ) {
         let Some(rbvh) = runs.iter().find(|run| run.method == "rbvh").cloned() else { return };
         let mut device = match CpuDevice::new(1) {
-            Ok(device) => device,
+            Ok(device) => Stoppable::new(Box::new(device), &self.settings.stop),
             Err(error) => {
                 rows.push(no_thread(&progress.scene, &error));
                 return;

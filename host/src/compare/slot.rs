@@ -97,10 +97,31 @@ impl Slot<'_> {
         Some(self.first.as_ref()?.quality.sah_cost)
     }
 
-    /// One repetition; what goes wrong becomes the status.
+    /// One repetition; what goes wrong becomes the status, unless the comparison is to end.
     pub(super) fn repeat(&mut self, scene: &mut SceneState<'_>, devices: &mut [Box<dyn Device>]) {
+        let whole = self.walls.len();
         if let Err(error) = self.try_repeat(scene, devices) {
-            self.status = Some(in_a_line(&error));
+            if scene.host.stop.is_asked() {
+                self.forget_all_but(whole);
+            } else {
+                self.status = Some(in_a_line(&error));
+            }
+        }
+    }
+
+    /// A repetition that was not let to its end counts for nothing.
+    fn forget_all_but(&mut self, whole: usize) {
+        self.walls.truncate(whole);
+        self.kernels.truncate(whole);
+        self.runs.truncate(whole);
+        for trace in &mut self.traces {
+            trace.seconds.truncate(whole);
+            if whole == 0 {
+                trace.traced = None;
+            }
+        }
+        if whole == 0 {
+            self.first = None;
         }
     }
 

@@ -3,17 +3,21 @@
 pub mod cpu;
 mod layer;
 mod lease;
+mod meter;
 mod pieces;
 pub mod record;
 mod select;
+mod stoppable;
 pub mod vulkan;
 mod watched;
 
 pub use layer::Layer;
 pub(crate) use lease::Lease;
+pub use meter::Meter;
 pub(crate) use pieces::read_pieces;
 pub use record::{Buffer, Command, Counted, Dispatch, Recording};
 pub use select::{DeviceChoice, NoSuchChoice, open};
+pub use stoppable::Stoppable;
 pub(crate) use watched::Watched;
 
 use serde::Serialize;
@@ -185,6 +189,9 @@ pub enum DeviceError {
         /// Name of the device.
         device: String,
     },
+    /// The caller asked for an end ([`Stoppable`]).
+    #[error("interrupted")]
+    Stopped,
     /// There is no such device.
     #[error("{0}")]
     NoDevice(String),

@@ -1,11 +1,12 @@
 //! When an optimiser stops though it has not converged.
 
 use super::StopReason;
+use crate::stop::Stop;
 use serde::Serialize;
 use std::time::Duration;
 
 /// What ends an optimiser early. An iteration is a batch of RBVH.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Limits {
     /// Most iterations.
     pub max_iterations: u32,
@@ -13,13 +14,16 @@ pub struct Limits {
     pub max_time: Option<Duration>,
     /// No iteration starts once a tree has this cost or less; unitless, as [`IterationRow::cost`](super::IterationRow::cost).
     pub target_cost: Option<f64>,
+    /// No iteration starts once this is asked for; a new top that is being made is the last.
+    #[serde(skip)]
+    pub stop: Option<Stop>,
 }
 
 impl Limits {
-    /// So many iterations, in any time and to any cost.
+    /// So many iterations, in any time and to any cost, whoever asks.
     #[must_use]
     pub const fn iterations(max_iterations: u32) -> Self {
-        Self { max_iterations, max_time: None, target_cost: None }
+        Self { max_iterations, max_time: None, target_cost: None, stop: None }
     }
 
     /// Whether the cost is as low as was asked for.
@@ -27,9 +31,16 @@ impl Limits {
         self.target_cost.is_some_and(|target| cost <= target)
     }
 
-    /// Whether iterations or time are used up.
+    /// Whether the caller wants an end.
+    pub(super) fn is_stopped(&self) -> bool {
+        self.stop.as_ref().is_some_and(Stop::is_asked)
+    }
+
+    /// Whether the caller wants an end, or iterations or time are used up.
     pub(super) fn used_up(&self, iterations: u32, elapsed: Duration) -> Option<StopReason> {
-        if iterations >= self.max_iterations {
+        if self.is_stopped() {
+            Some(StopReason::Cancelled)
+        } else if iterations >= self.max_iterations {
             Some(StopReason::MaxIterations)
         } else if self.max_time.is_some_and(|limit| elapsed >= limit) {
             Some(StopReason::MaxTime)

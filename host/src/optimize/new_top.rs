@@ -48,6 +48,9 @@ pub(super) fn renew(
     // The first of equally good ones.
     let mut best = (top.area * (1.0 - settings.worst_first.settles), None);
     for start in [Start::Lbvh, Start::SahBinned] {
+        if settings.limits.is_stopped() {
+            break;
+        }
         let (nodes, visits) = top.optimised(session, device, start, settings)?;
         renewed.visits = renewed.visits.saturating_add(visits);
         let area = area(&nodes[..nodes.len() / 2]);
@@ -132,7 +135,11 @@ impl Top {
         let max_time = settings.limits.max_time.map(|limit| limit.saturating_sub(session.elapsed()));
         let settings = PrbvhSettings {
             worst_first: WorstFirst { top: 0, row_by_row: false, ..settings.worst_first },
-            limits: Limits { max_time, ..Limits::iterations(settings.limits.max_iterations) },
+            limits: Limits {
+                max_time,
+                stop: settings.limits.stop.clone(),
+                ..Limits::iterations(settings.limits.max_iterations)
+            },
             ..settings.clone()
         };
         let mut visits = 0u32;

@@ -193,7 +193,7 @@ impl Schedule {
         Self {
             epsilon,
             patience: settings.patience.max(1),
-            limits: settings.limits,
+            limits: settings.limits.clone(),
             mu: settings.mu.max(1),
             cost: initial_cost,
             best: initial_cost,

@@ -25,23 +25,25 @@ use std::path::{Path, PathBuf};
 use write::{WriteError, write_atomically};
 
 impl RunReport {
+    /// Names of the files that [`RunReport::write`] writes, the last one only of a checked run.
+    pub const FILES: [&str; 4] = ["report.json", "iterations.csv", "convergence.svg", "accuracy.csv"];
+
     /// Writes `report.json`, `iterations.csv` and `convergence.svg` into `folder`, and `accuracy.csv` if the numbers were checked, each
     /// whole or not at all. Returns their paths.
     ///
     /// # Errors
     /// At the first file that cannot be written.
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, WriteError> {
-        let paths = ["report.json", "iterations.csv", "convergence.svg"].map(|name| folder.join(name));
+        let mut paths = Self::FILES.map(|name| folder.join(name)).to_vec();
         write_atomically(&paths[0], |out| json::write(self, out))?;
         write_atomically(&paths[1], |out| csv::write(&self.rows, out))?;
         write_atomically(&paths[2], |out| {
             let svg = plot::convergence(self).map_err(std::io::Error::other)?;
             out.write_all(svg.as_bytes())
         })?;
-        let mut paths = paths.to_vec();
-        if let Some(accuracy) = &self.accuracy {
-            paths.push(folder.join("accuracy.csv"));
-            write_atomically(&paths[3], |out| csv::write_accuracy(&accuracy.rows, out))?;
+        match &self.accuracy {
+            Some(accuracy) => write_atomically(&paths[3], |out| csv::write_accuracy(&accuracy.rows, out))?,
+            None => paths.truncate(3),
         }
         Ok(paths)
     }

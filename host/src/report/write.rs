@@ -1,5 +1,6 @@
-//! Files that are whole or not there.
+//! Files that are whole or not there; and what is no file.
 
+use std::fs::OpenOptions;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
@@ -16,13 +17,28 @@ pub struct WriteError {
     pub source: io::Error,
 }
 
-/// Lets `fill` write a file of a temporary name in the folder of `path`, syncs it and gives it its name. The folder is made if it is
-/// not there. On failure nothing is left behind, and a file that had the name before stays as it was.
+/// Symbolic links on the way to a file before it is taken for a circle; as many as Linux follows.
+const MOST_LINKS: u32 = 40;
+/// Bytes for the system at a time.
+const BUFFER_BYTES: usize = 1 << 16;
+
+/// Lets `fill` write a file of a temporary name beside the one that `path` names, syncs it and gives it that name. The folder is made if it is not
+/// there. On failure nothing is left behind, and a file that had the name before stays as it was.
+///
+/// A symbolic link stays: the file that it leads to is written. What is there and no file, such as a pipe or a device, stays too, and takes the bytes as they
+/// come ([`is_written_through`]).
 ///
 /// # Errors
 /// If the folder or the file cannot be made, or if `fill` fails.
 pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), WriteError> {
     let failed = |doing| move |source| WriteError { path: path.to_owned(), doing, source };
+    if is_written_through(path) {
+        // A pipe opens once somebody reads it.
+        let file = OpenOptions::new().write(true).open(path).map_err(failed("opening it"))?;
+        let mut buffered = BufWriter::with_capacity(BUFFER_BYTES, file);
+        return fill(&mut buffered).and_then(|()| buffered.flush()).map_err(failed("filling it"));
+    }
+    let path = &behind_links(path).map_err(failed("following its links"))?;
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
@@ -34,12 +50,31 @@ pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Re
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let mut file = builder.tempfile_in(folder).map_err(failed("making a temporary file beside it"))?;
-    let mut buffered = BufWriter::with_capacity(1 << 16, file.as_file_mut());
+    let mut buffered = BufWriter::with_capacity(BUFFER_BYTES, file.as_file_mut());
     fill(&mut buffered).and_then(|()| buffered.flush()).map_err(failed("filling it"))?;
     drop(buffered);
     file.as_file().sync_all().map_err(failed("syncing it"))?;
     file.persist(path).map_err(|error| failed("giving it its name")(error.error))?;
     Ok(())
+}
+
+/// Whether there is something of this name that is neither a file nor a folder: a pipe, a device.
+#[must_use]
+pub fn is_written_through(path: &Path) -> bool {
+    std::fs::metadata(path).is_ok_and(|there| !there.is_file() && !there.is_dir())
+}
+
+/// The path of the file itself, whether it is there or not.
+fn behind_links(path: &Path) -> io::Result<PathBuf> {
+    let mut at = path.to_owned();
+    for _ in 0..MOST_LINKS {
+        match std::fs::read_link(&at) {
+            // A relative link counts from its own folder.
+            Ok(target) => at = at.parent().unwrap_or(Path::new("")).join(target),
+            Err(_) => return Ok(at),
+        }
+    }
+    Err(io::Error::other(format!("more than {MOST_LINKS} symbolic links")))
 }
 
 #[cfg(test)]
@@ -98,6 +133,44 @@ mod tests {
         let error = write_atomically(folder.path(), |_| Ok(())).unwrap_err();
         assert_eq!(error.doing, "giving it its name");
         assert_eq!(names(folder.path()), ["file"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_stay_and_lead_to_the_file() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        std::fs::create_dir(path("there")).unwrap();
+        std::fs::write(path("there/file"), "old").unwrap();
+        symlink("there/file", path("link")).unwrap();
+        symlink("link", path("chain")).unwrap();
+        symlink("there/new", path("dangling")).unwrap();
+        for (link, file, text) in
+            [("chain", "there/file", "by a chain"), ("dangling", "there/new", "by a dangling one")]
+        {
+            write_atomically(&path(link), |out| out.write_all(text.as_bytes())).unwrap();
+            assert!(std::fs::symlink_metadata(path(link)).unwrap().is_symlink(), "{link}");
+            assert!(std::fs::symlink_metadata(path(file)).unwrap().is_file(), "{file}");
+            assert_eq!(std::fs::read_to_string(path(file)).unwrap(), text);
+        }
+        assert_eq!(names(&path("there")).len(), 2);
+
+        symlink("circle", path("circle")).unwrap();
+        let error = write_atomically(&path("circle"), |_| Ok(())).unwrap_err();
+        assert_eq!(error.doing, "following its links");
+        assert!(std::fs::symlink_metadata(path("circle")).unwrap().is_symlink());
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn devices_take_what_comes_and_say_what_they_refuse() {
+        let null = Path::new("/dev/null");
+        assert!(is_written_through(null));
+        write_atomically(null, |out| out.write_all(b"gone")).unwrap();
+        assert!(is_written_through(null), "it was replaced by a file");
+        let error = write_atomically(Path::new("/dev/full"), |out| out.write_all(b"too much")).unwrap_err();
+        assert_eq!((error.doing, error.source.kind()), ("filling it", io::ErrorKind::StorageFull));
     }
 
     #[cfg(unix)]

@@ -2,7 +2,8 @@
 
 use crate::device::cpu::CpuDevice;
 use crate::device::vulkan::{self, DeviceSummary, VulkanDevice};
-use crate::device::{self, Device, DeviceChoice, DeviceError};
+use crate::device::{self, Device, DeviceChoice, DeviceError, Stoppable};
+use crate::stop::Stop;
 use prbvh_cpu_sim::Order;
 
 /// A device, and others that must give the same tree.
@@ -72,6 +73,14 @@ impl Lane {
             }
         }
         Ok((lanes, unusable))
+    }
+
+    /// The same, but its devices run nothing once an end is asked for.
+    #[must_use]
+    pub fn stoppable(self, stop: &Stop) -> Self {
+        let stoppable = |device| -> Box<dyn Device> { Box::new(Stoppable::new(device, stop)) };
+        let witnesses = self.witnesses.into_iter().map(|(name, device)| (name, stoppable(device)));
+        Self { name: self.name, device: stoppable(self.device), witnesses: witnesses.collect() }
     }
 
     /// What the device is.

@@ -30,7 +30,7 @@ use std::ops::ControlFlow;
 pub const SCHEMA: u32 = 1;
 
 /// Runs every method on every case on every lane; the rows in that order, lanes innermost. `observe` sees the rows of one case
-/// and method at a time and may break: then what is there is returned. `full` takes the large size of the cases that have one.
+/// and method at a time and may break: then those before them are returned, as these may have been cut short. `full` takes the large size of the cases that have one.
 ///
 /// # Errors
 /// If a case has no scene.
@@ -52,6 +52,7 @@ pub fn run(
             }
             compare_devices(&mut rows[first..]);
             if observe(&rows[first..]).is_break() {
+                rows.truncate(first);
                 return Ok(rows);
             }
         }

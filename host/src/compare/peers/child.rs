@@ -1,6 +1,7 @@
 //! The process of a peer, from outside.
 
 use super::wire::{self, PeerTree, WireError};
+use crate::stop::Stop;
 use prbvh_kernel::setup::Triangle;
 use std::io;
 use std::path::PathBuf;
@@ -46,6 +47,9 @@ pub enum PeerError {
         #[source]
         source: io::Error,
     },
+    /// The caller asked for an end.
+    #[error("interrupted")]
+    Stopped,
     /// No program is known that could run it.
     #[error("no program to run it in")]
     NoHost,
@@ -62,6 +66,7 @@ pub(in crate::compare) fn run(
     method: &str,
     triangles: &[Triangle],
     threads: usize,
+    stop: &Stop,
 ) -> Result<PeerTree, PeerError> {
     let failed = |source| PeerError::Process { program: host.program.clone(), source };
     let folder = tempfile::Builder::new().prefix("prbvh-peer-").tempdir().map_err(failed)?;
@@ -74,13 +79,14 @@ pub(in crate::compare) fn run(
     let stderr = std::fs::File::create(&said).map_err(failed)?;
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(stderr);
     let mut child = command.spawn().map_err(failed)?;
-    let status = match wait(&mut child, host.timeout) {
-        Ok(Some(status)) => status,
-        ended => {
+    let ended = wait(&mut child, host.timeout, stop).unwrap_or_else(|source| Err(failed(source)));
+    let status = match ended {
+        Ok(status) => status,
+        Err(why) => {
             // It may have ended in between: then there is nothing to kill.
             let _ = child.kill();
             let _ = child.wait();
-            return Err(ended.map_or_else(failed, |_| PeerError::TimedOut(host.timeout)));
+            return Err(why);
         }
     };
     if status.success() {
@@ -94,14 +100,15 @@ pub(in crate::compare) fn run(
     }
 }
 
-/// None if the time is up.
-fn wait(child: &mut Child, timeout: Duration) -> io::Result<Option<ExitStatus>> {
+/// How it ended, or why it is not to go on.
+fn wait(child: &mut Child, timeout: Duration, stop: &Stop) -> io::Result<Result<ExitStatus, PeerError>> {
     let start = Instant::now();
     loop {
         match child.try_wait()? {
-            None if start.elapsed() >= timeout => return Ok(None),
+            Some(status) => return Ok(Ok(status)),
+            None if stop.is_asked() => return Ok(Err(PeerError::Stopped)),
+            None if start.elapsed() >= timeout => return Ok(Err(PeerError::TimedOut(timeout))),
             None => std::thread::sleep(PAUSE),
-            ended => return Ok(ended),
         }
     }
 }

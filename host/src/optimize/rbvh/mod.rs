@@ -170,6 +170,9 @@ impl Run {
         let found = self.selection.batch.len();
         let mut row = IterationRow { iteration, found: found as u32, ..IterationRow::default() };
         for k in 0..found {
+            if settings.limits.is_stopped() {
+                break;
+            }
             let v = self.selection.batch[k];
             if self.selection.is_due(&self.tree, v) {
                 let mark = self.tree.begin();

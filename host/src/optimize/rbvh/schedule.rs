@@ -32,7 +32,7 @@ impl Schedule {
             epsilon: settings.epsilon,
             random_after: settings.random_after,
             patience: settings.patience.max(1),
-            limits: settings.limits,
+            limits: settings.limits.clone(),
             lowest: initial_cost,
             best: initial_cost,
             since_best: 0,

@@ -1,9 +1,10 @@
-//! A device that takes note of what a method needs of it.
+//! A device that takes note of what a run needs of it.
 
-use crate::device::{self, Buffer, Device, DeviceError, MemoryUse, Recording, Timing};
+use super::{Buffer, Device, DeviceError, MemoryUse, Recording, Timing};
 
-/// Passes everything on to a device. Counts bytes and times from its own beginning, and gives back what a method that failed left there.
-pub(super) struct Meter<'a> {
+/// Passes everything on to a device. Counts bytes and times from its own beginning, and gives back what a run that failed left there.
+#[expect(missing_debug_implementations, reason = "devices are opaque")]
+pub struct Meter<'a> {
     device: &'a mut dyn Device,
     left: Vec<Buffer>,
     memory: MemoryUse,
@@ -11,17 +12,20 @@ pub(super) struct Meter<'a> {
 }
 
 impl<'a> Meter<'a> {
-    pub(super) fn new(device: &'a mut dyn Device) -> Self {
+    /// Nothing is counted yet.
+    pub fn new(device: &'a mut dyn Device) -> Self {
         Self { device, left: Vec::new(), memory: MemoryUse::default(), timings: Vec::new() }
     }
 
     /// Time of every command so far.
-    pub(super) fn timings(&self) -> &[Timing] {
+    #[must_use]
+    pub fn timings(&self) -> &[Timing] {
         &self.timings
     }
 
     /// Their sum, seconds.
-    pub(super) fn device_s(&self) -> f64 {
+    #[must_use]
+    pub fn device_s(&self) -> f64 {
         self.timings.iter().map(|timing| timing.seconds).sum()
     }
 }
@@ -34,7 +38,7 @@ impl Drop for Meter<'_> {
     }
 }
 
-impl device::Layer for Meter<'_> {
+impl super::Layer for Meter<'_> {
     fn inner(&self) -> &dyn Device {
         self.device
     }
@@ -72,8 +76,8 @@ impl device::Layer for Meter<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::cpu::CpuDevice;
     use super::*;
-    use crate::device::cpu::CpuDevice;
 
     #[test]
     fn peaks_are_those_of_the_method_and_nothing_is_left() {
