@@ -36,7 +36,7 @@ pub(crate) fn main() -> ExitCode {
         Some(Command::Compare(args)) => compare::run(&args, &log),
         Some(Command::Peer(args)) => Ok(compare::run_peer(&args)),
         Some(Command::Stability(args)) => stability::run(&args),
-        Some(Command::Stats(args)) => stats::run(&args),
+        Some(Command::Stats(args)) => stats::run(&args, &log),
         Some(Command::Devices(args)) => devices::run(&args),
     };
     match result {
