@@ -9,8 +9,8 @@
 //!    not surely outside is computed again by [`difference_of_products`], whose sign is exact. The paper takes float64 there, which a GPU may lack.
 //! 3. So the triangles around an edge or a corner cover what lies around it, and a ray through the edge itself hits both.
 //!
-//! A ray in the plane of a triangle does not hit it: all three values are 0, or the rounded corners lie to one side. A ray that starts on a triangle
-//! hits it there (at `t_min`): in a corner of a room it does not get out through the other wall.
+//! A ray in the plane of a triangle does not hit it: all three values are 0, or the rounded corners lie to one side. Whether a ray hits the triangle
+//! that it starts on is up to roundings: [`Surface::leave`](crate::trace::path::Surface::leave) starts it elsewhere.
 //!
 //! # Why every tree of a scene gives the same hits
 //! 1. Whether a ray hits a triangle, and at which `t`, is computed from the two alone. The closest hit is the smallest `(t, id)`.
@@ -125,9 +125,6 @@ const LEAST_COMPONENT: f32 = f32::from_bits((127 - 70) << 23);
 
 /// Widens the end of an interval by what its roundings may have cost.
 const WIDER: f32 = 1.0 + 1.0 / (1 << 19) as f32;
-
-/// A triangle this part of its reach along the ray before the start counts as at the start: roundings put what the ray starts on to either side.
-const BLUR: f32 = 1.0 / (1 << 20) as f32;
 
 #[inline(always)]
 fn inverse(x: f32) -> f32 {
@@ -261,11 +258,7 @@ impl Prepared {
         if is_outside(u, v, w) || sum == 0.0 {
             return f32::INFINITY;
         }
-        let inverse = reciprocal(self.direction[2]);
-        let along = (u * a[2] + v * b[2] + w * c[2]) * reciprocal(sum) * inverse;
-        let reach = max(max(magnitude(a[2]), magnitude(b[2])), magnitude(c[2]));
-        let is_at_start = along < self.t_min && along + BLUR * magnitude(reach * inverse) >= self.t_min;
-        let along = if is_at_start { self.t_min } else { along };
+        let along = (u * a[2] + v * b[2] + w * c[2]) * reciprocal(sum) * reciprocal(self.direction[2]);
         let own_box = Aabb {
             min: [
                 min(min(corners[0][0], corners[1][0]), corners[2][0]),

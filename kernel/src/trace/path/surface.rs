@@ -13,12 +13,16 @@
 //! | the point itself, and the new origin | `2 u (\|n·P\|)`, coordinate by coordinate |
 //! | rounding and shearing of the corners in the triangle test of the new ray | `7.2 u R` |
 //! | weights and sums of that test | `6 u R` along the ray's axis: `10.4 u R` |
-//! | what that test takes for its start | `16 u R` along the ray's axis: `27.8 u R` |
 //!
-//! A new ray starts `64 u R + 4 u |n·P|` from the plane (and a step of the grid), which is more than their sum: it does not hit the
+//! A new ray starts `32 u R + 4 u |n·P|` from the plane (and a step of the grid), which is more than their sum: it does not hit the
 //! triangle that it leaves.
+//!
+//! # Corners of a room
+//! A hit beside an edge may be rounded onto the other wall there, or beyond it, and out of the room. So the point is first drawn towards the middle of its
+//! triangle, by a part of the way that is `64 u`, or `16 u` times the largest coordinate over the triangle's size, if that is more: steps
+//! of the grid, as many as one can lose.
 
-use crate::math::{add_scaled, magnitude, max};
+use crate::math::{add_scaled, magnitude, max, min, reciprocal};
 use crate::ray::{Prepared, Ray};
 use bytemuck::{Pod, Zeroable};
 
@@ -38,12 +42,15 @@ pub struct Surface {
 
 const _: () = assert!(size_of::<Surface>() == 48);
 
-/// `64 u`.
-const OF_REACH: f32 = 1.0 / (1u32 << 18) as f32;
+/// `32 u`.
+const OF_REACH: f32 = 1.0 / (1u32 << 19) as f32;
 /// `4 u`.
 const OF_POINT: f32 = 1.0 / (1u32 << 22) as f32;
 /// Origins are rounded to half of this.
 const GRID: f32 = 1.0 / (1u32 << 24) as f32;
+/// `64 u`, `16 u`: parts of the way to the middle.
+const INWARD: f32 = 1.0 / (1u32 << 18) as f32;
+const INWARD_OF_POINT: f32 = 1.0 / (1u32 << 20) as f32;
 
 /// The largest coordinate difference.
 #[inline(always)]
@@ -57,11 +64,16 @@ impl Surface {
     #[must_use]
     pub fn leave(&self, ray: &Ray, normal: [f32; 3]) -> [f32; 3] {
         let Self { a, b, c, .. } = *self;
+        let size = max(apart(a, b), apart(a, c));
+        let farthest = max(max(apart(a, [0.0; 3]), apart(b, [0.0; 3])), apart(c, [0.0; 3]));
+        let inward = min(max(INWARD, INWARD_OF_POINT * farthest * reciprocal(size)), 1.0);
+        let drawn = |x: f32| x + inward * (1.0 / 3.0 - x);
         let [v, w] = Prepared::new(ray).barycentric([a, b, c]);
+        let (v, w) = (drawn(v), drawn(w));
         let coordinate = |k: usize| a[k] + (v * (b[k] - a[k]) + w * (c[k] - a[k]));
         let p = [coordinate(0), coordinate(1), coordinate(2)];
         let reach = max(max(apart(a, p), apart(b, p)), apart(c, p));
-        let size = magnitude(normal[0] * p[0]) + magnitude(normal[1] * p[1]) + magnitude(normal[2] * p[2]);
-        add_scaled(p, OF_REACH * reach + OF_POINT * size + GRID, normal)
+        let along = magnitude(normal[0] * p[0]) + magnitude(normal[1] * p[1]) + magnitude(normal[2] * p[2]);
+        add_scaled(p, OF_REACH * reach + OF_POINT * along + GRID, normal)
     }
 }
