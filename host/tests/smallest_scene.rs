@@ -140,7 +140,7 @@ fn rays(device: &mut Noting) -> Vec<u32> {
     let mut found: Vec<u32> = picture.radiance.iter().flatten().map(|x| x.to_bits()).collect();
     for &n in COMBS {
         let triangles: Vec<Triangle> = (0..n).map(|k| at(2.0 * k as f32)).collect();
-        let mut scene = TraceScene::new(device, &comb(&triangles), &triangles, 0.0).unwrap();
+        let mut scene = TraceScene::new(device, &comb(&triangles), &triangles, &[[-5.0, -5.0, -1.0]]).unwrap();
         let ray = |k: usize| {
             let corner = triangles[k].a;
             Ray {

@@ -30,7 +30,7 @@ use crate::setup::{self, BoundsParams, BoxesParams, Triangle};
 use crate::sort::{self, GatherParams, ScanParams, SortParams};
 use crate::trace::counts::{self, CountParams, RayCounts};
 use crate::trace::path::{
-    self, CameraParams, FilmParams, GatherParams as LightParams, Light, Path, Pixel, ShadeParams,
+    self, CameraParams, FilmParams, GatherParams as LightParams, Light, Path, Pixel, ShadeParams, Surface,
 };
 use crate::trace::stack::LocalStack;
 use crate::trace::{self as tracing, TraceNode, TraceParams, TraceTriangle, trace};
@@ -301,12 +301,12 @@ kernels! {
 
     PathShade path_shade(params: ShadeParams) [
         0 hits: &[Hit],
-        1 normals: &[f32],
+        1 surfaces: &[Surface],
         2 rays: &[Slot<Ray>],
         3 paths: &[Slot<Path>],
         4 shadow_rays: &[Slot<Ray>],
         5 lights: &[Slot<Light>],
-    ] => |i| path::shade(i, params, hits, normals, rays, paths, shadow_rays, lights);
+    ] => |i| path::shade(i, params, hits, surfaces, rays, paths, shadow_rays, lights);
 
     PathGather path_gather(params: LightParams) [
         0 shadow_hits: &[Hit],

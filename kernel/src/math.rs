@@ -30,6 +30,13 @@ pub fn select<T: Copy>(condition: bool, a: T, b: T) -> T {
     if condition { a } else { b }
 }
 
+/// `x` without its sign.
+#[inline(always)]
+#[must_use]
+pub fn magnitude(x: f32) -> f32 {
+    if x < 0.0 { -x } else { x }
+}
+
 /// `1 / x` by Newton's method from a guess, for `2^-120 < |x| < 2^120`: the error is below 3 units in the last place.
 ///
 /// Vulkan leaves the last digits of a division and of a square root to the driver; products and sums have one result.
@@ -57,6 +64,28 @@ pub fn reciprocal_sqrt(x: f32) -> f32 {
     y *= 1.5 - half * y * y;
     y *= 1.5 - half * y * y;
     y
+}
+
+/// What rounding took from a product: `a · b - p` without error, where `p` is the rounded `a · b`. Holds as long as `p` does not overflow and the last
+/// places of `a` and `b` multiply to 2^-126 or more.
+///
+/// Source: Dekker 1971. The halves are cut by their bits, 12 and 12: no compiler can simplify that, and no fused operation is needed.
+#[inline(always)]
+#[must_use]
+pub fn product_error(a: f32, b: f32, p: f32) -> f32 {
+    let (a_high, b_high) = (f32::from_bits(a.to_bits() & 0xffff_f000), f32::from_bits(b.to_bits() & 0xffff_f000));
+    let (a_low, b_low) = (a - a_high, b - b_high);
+    (((a_high * b_high - p) + a_high * b_low) + a_low * b_high) + a_low * b_low
+}
+
+/// `a · b - c · d` to 3 units in the last place, also where the products cancel, with the sign of the exact value. See [`product_error`] for the range.
+///
+/// Source: Kahan's formula (Jeannerod, Louvet & Muller 2013) without fused operations. Swapping the products changes the sign and nothing else.
+#[inline(always)]
+#[must_use]
+pub fn difference_of_products(a: f32, b: f32, c: f32, d: f32) -> f32 {
+    let (p, q) = (a * b, c * d);
+    (p - q) + (product_error(a, b, p) - product_error(c, d, q))
 }
 
 /// Scalar product.

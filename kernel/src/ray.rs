@@ -2,6 +2,16 @@
 //!
 //! Sources: Woop, Benthin & Wald 2013 (watertight triangle test, here without its divisions); Kay & Kajiya 1986 (slabs).
 //!
+//! # Why no ray slips through between triangles
+//! 1. A corner comes to lie at one point of the plane across the ray, whatever triangle it is asked for.
+//! 2. In that plane the sign of an edge says on which side the ray passes. It is that of the exact value, and the opposite one for the triangle on
+//!    the other side of the edge: rounding keeps the order of two products, so a rounded difference has the right sign or is 0, and what is
+//!    not surely outside is computed again by [`difference_of_products`], whose sign is exact. The paper takes float64 there, which a GPU may lack.
+//! 3. So the triangles around an edge or a corner cover what lies around it, and a ray through the edge itself hits both.
+//!
+//! A ray in the plane of a triangle does not hit it: all three values are 0, or the rounded corners lie to one side. Whether a ray hits the triangle
+//! that it starts on is up to roundings: [`Surface::leave`](crate::trace::path::Surface::leave) starts it elsewhere.
+//!
 //! # Why every tree of a scene gives the same hits
 //! 1. Whether a ray hits a triangle, and at which `t`, is computed from the two alone. The closest hit is the smallest `(t, id)`.
 //! 2. The interval of a box is monotone: each of its steps (a difference, a product with a fixed factor, minimum, maximum)
@@ -10,7 +20,8 @@
 //!    the interval of every box around the triangle, and no box test on the way can lose it.
 //!
 //! The boxes are widened by [`Prepared::PAD`] of the largest coordinate, twice what the triangle test may err sideways, so
-//! that point 3 drops no hit that a watertight test reports.
+//! that the last point drops no hit that a watertight test reports. A flat box is therefore hit like any other, and so is one whose face the ray
+//! lies in.
 //!
 //! # Coordinates
 //! All magnitudes below are those of the trace range: corners are multiples of 2^-25 below 2^31, origins below 2^33, components of
@@ -18,7 +29,7 @@
 //! flushes denormal numbers.
 
 use crate::aabb::Aabb;
-use crate::math::{max, min, reciprocal};
+use crate::math::{difference_of_products, magnitude, max, min, reciprocal};
 use bytemuck::{Pod, Zeroable};
 
 /// Triangle of a ray that hits none.
@@ -116,11 +127,6 @@ const LEAST_COMPONENT: f32 = f32::from_bits((127 - 70) << 23);
 const WIDER: f32 = 1.0 + 1.0 / (1 << 19) as f32;
 
 #[inline(always)]
-fn magnitude(x: f32) -> f32 {
-    if x < 0.0 { -x } else { x }
-}
-
-#[inline(always)]
 fn inverse(x: f32) -> f32 {
     if x == 0.0 { reciprocal(LEAST_COMPONENT) } else { reciprocal(x) }
 }
@@ -140,6 +146,23 @@ fn turned(v: [f32; 3], axis: u32) -> [f32; 3] {
 #[inline(always)]
 fn minus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+/// Whether the ray passes outside of one edge or another, from either side of the triangle.
+#[inline(always)]
+fn is_outside(u: f32, v: f32, w: f32) -> bool {
+    (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0)
+}
+
+/// Barycentric coordinates of the ray times twice the area, from sheared corners, with their exact signs. An edge has the same value, but for the
+/// sign, in both triangles that share it.
+#[inline(always)]
+fn weights(a: [f32; 3], b: [f32; 3], c: [f32; 3]) -> [f32; 3] {
+    [
+        difference_of_products(c[0], b[1], c[1], b[0]),
+        difference_of_products(a[0], c[1], a[1], c[0]),
+        difference_of_products(b[0], a[1], b[1], a[0]),
+    ]
 }
 
 impl Prepared {
@@ -196,28 +219,46 @@ impl Prepared {
         if near <= min(inside.far, t_max) { near } else { f32::INFINITY }
     }
 
+    /// The corners seen from the origin, sheared so that the ray is the last axis; times the last component of the direction in the first two
+    /// coordinates, which changes no sign that is compared with another.
+    #[inline(always)]
+    fn sheared(&self, corners: [[f32; 3]; 3]) -> [[f32; 3]; 3] {
+        let d = self.direction;
+        let one = |corner: [f32; 3]| {
+            let p = turned(minus(corner, self.origin), self.axis);
+            [p[0] * d[2] - d[0] * p[2], p[1] * d[2] - d[1] * p[2], p[2]]
+        };
+        [one(corners[0]), one(corners[1]), one(corners[2])]
+    }
+
+    /// Barycentric coordinates of the second and the third corner where the ray meets a triangle that it [hits](Self::hits).
+    #[inline(always)]
+    #[must_use]
+    pub fn barycentric(&self, corners: [[f32; 3]; 3]) -> [f32; 2] {
+        let [a, b, c] = self.sheared(corners);
+        let [u, v, w] = weights(a, b, c);
+        let part = reciprocal(u + v + w);
+        [v * part, w * part]
+    }
+
     /// Parameter of the hit with a triangle, from either side; infinite if there is none from `t_min` to `t_max`.
     #[inline(always)]
     #[must_use]
     pub fn hits(&self, corners: [[f32; 3]; 3], t_max: f32) -> f32 {
-        let a = turned(minus(corners[0], self.origin), self.axis);
-        let b = turned(minus(corners[1], self.origin), self.axis);
-        let c = turned(minus(corners[2], self.origin), self.axis);
-        let d = self.direction;
-        // Sheared so that the ray is the last axis; times d[2], which changes no sign that is compared with another.
-        let (ax, ay) = (a[0] * d[2] - d[0] * a[2], a[1] * d[2] - d[1] * a[2]);
-        let (bx, by) = (b[0] * d[2] - d[0] * b[2], b[1] * d[2] - d[1] * b[2]);
-        let (cx, cy) = (c[0] * d[2] - d[0] * c[2], c[1] * d[2] - d[1] * c[2]);
-        // An edge has the same value, but for the sign, in both triangles that share it.
-        let u = cx * by - cy * bx;
-        let v = ax * cy - ay * cx;
-        let w = bx * ay - by * ax;
-        let outside = (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0);
-        let sum = u + v + w;
-        if outside || sum == 0.0 {
+        let [a, b, c] = self.sheared(corners);
+        // Most triangles are missed, and for these a sign that may be 0 instead will do.
+        let u = c[0] * b[1] - c[1] * b[0];
+        let v = a[0] * c[1] - a[1] * c[0];
+        let w = b[0] * a[1] - b[1] * a[0];
+        if is_outside(u, v, w) {
             return f32::INFINITY;
         }
-        let along = (u * a[2] + v * b[2] + w * c[2]) * reciprocal(sum) * reciprocal(d[2]);
+        let [u, v, w] = weights(a, b, c);
+        let sum = u + v + w;
+        if is_outside(u, v, w) || sum == 0.0 {
+            return f32::INFINITY;
+        }
+        let along = (u * a[2] + v * b[2] + w * c[2]) * reciprocal(sum) * reciprocal(self.direction[2]);
         let own_box = Aabb {
             min: [
                 min(min(corners[0][0], corners[1][0]), corners[2][0]),

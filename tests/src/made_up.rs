@@ -285,6 +285,7 @@ fn row(
         triangle_tests: Some(0.021 * cost + 3.0),
         depth: Some(24 + (40.0 * chance(&[seed, m, 7])) as u32),
         epo: Some(0.04 * cost * chance(&[seed, m, 8])),
+        epo_error: Some(0.0),
         bytes: (!on_host).then_some(u64::from(triangles) * (100 + 12 * m)),
         iterations: (iterations > 0).then_some(iterations),
         tree_hash: Some(format!("{:032x}", (chance(&[seed, m, 9]) * 1e15) as u64 | 1 << 60)),

@@ -4,8 +4,8 @@ use crate::fixtures::Random;
 use prbvh_kernel::ray::Ray;
 use prbvh_kernel::setup::Triangle;
 
-/// No coordinate of an origin is larger.
-pub const REACH: f32 = 4.0;
+/// All origins lie in the box of these.
+pub const STARTS: [[f32; 3]; 2] = [[-4.0; 3], [4.0; 3]];
 
 /// A ray from `origin` through `target`, to any distance.
 #[must_use]

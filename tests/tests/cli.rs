@@ -191,10 +191,13 @@ fn stats_checks_the_tree_against_its_scene() {
     let tree = prbvh::bvh::file::read(&folder.path().join("tree.bvh")).unwrap().tree;
     let scene = prbvh::scene::built_in(3000);
     let epo = prbvh::bvh::epo(&tree, &scene.triangles, &Default::default());
-    assert!(epo > 0.0 && line(&own, "EPO").starts_with(&format!("{epo:.3}")), "{}", own.stdout);
+    assert!(epo.is_exact() && epo.value > 0.0);
+    assert!(line(&own, "EPO").starts_with(&format!("{:.3} (", epo.value)), "{}", own.stdout);
     let json = stats(&["--scene", "built-in", "--triangles", "3000", "--json"]).ok().json();
-    assert_eq!(json["epo"].as_f64(), Some(epo));
-    assert_eq!(stats(&["--json"]).ok().json()["epo"], Value::Null);
+    assert_eq!((json["epo"].as_f64(), json["epo_error"].as_f64()), (Some(epo.value), Some(0.0)));
+    assert_eq!((&json["epo_drawn"], &json["is_root_flat"]), (&0.into(), &false.into()));
+    let without = stats(&["--json"]).ok().json();
+    assert_eq!((&without["epo"], &without["epo_error"]), (&Value::Null, &Value::Null));
     let hash_of = |triangles| prbvh::scene::built_in(triangles).hash;
     assert_eq!(line(&own, "scene hash"), hash_of(3000));
     stats(&["--scene", "built-in", "--triangles", "3001"]).refused(&[&hash_of(3000), &hash_of(3001)]);

@@ -2,11 +2,11 @@
 
 use prbvh::trace::{Ray, TraceRange};
 use prbvh_kernel::aabb::Aabb;
-use prbvh_kernel::math::{reciprocal, reciprocal_sqrt};
+use prbvh_kernel::math::{difference_of_products, product_error, reciprocal, reciprocal_sqrt};
 use prbvh_kernel::ray::{Interval, Prepared};
 use prbvh_kernel::setup::Triangle;
 use prbvh_tests::fixtures::{Random, soup};
-use prbvh_tests::rays::{REACH, rays};
+use prbvh_tests::rays::{STARTS, rays};
 
 /// Möller & Trumbore 1997 in f64: parameter, and the smallest of the three barycentric coordinates.
 fn reference(ray: &Ray, t: &Triangle) -> Option<(f64, f64)> {
@@ -31,7 +31,7 @@ fn reference(ray: &Ray, t: &Triangle) -> Option<(f64, f64)> {
 #[test]
 fn the_triangle_test_agrees_with_f64() {
     let triangles = soup(300, 0.5, 13);
-    let range = TraceRange::of(&triangles, REACH);
+    let range = TraceRange::of(&triangles, &STARTS);
     let working = range.triangles(&triangles);
     let (mut inside, mut outside) = (0, 0);
     for (k, ray) in rays(&triangles, 2000, 14).iter().enumerate() {
@@ -99,4 +99,50 @@ fn reciprocals_are_exact_to_the_last_places() {
             assert!(error < 8.0 * 2f64.powi(-24), "1 / sqrt {x:e}: {error:e}");
         }
     }
+}
+
+/// A float32 that a sheared corner may be: from 2^-49 to 2^34, of either sign.
+fn sheared(random: &mut Random) -> f32 {
+    let exponent = 127 - 25 + (random.bits() % 59) as u32;
+    f32::from_bits((random.bits() as u32 & 0x807f_ffff) | (exponent << 23))
+}
+
+#[test]
+fn products_lose_nothing() {
+    let mut random = Random(17);
+    for _ in 0..300_000 {
+        let (a, b) = (sheared(&mut random), sheared(&mut random));
+        let p = a * b;
+        // Exact in float64: 48 digits.
+        assert_eq!(f64::from(product_error(a, b, p)), f64::from(a) * f64::from(b) - f64::from(p), "{a:e} {b:e}");
+    }
+}
+
+#[test]
+fn differences_of_products_have_their_sign() {
+    let mut random = Random(18);
+    let (mut zeros, mut saved) = (0, 0);
+    for k in 0..600_000 {
+        let (a, b) = (sheared(&mut random), sheared(&mut random));
+        // Near the same product: both factors off by a few units in the last place, or halves and doubles.
+        let mut near = |x: f32| f32::from_bits(x.to_bits() + (random.bits() % 5) as u32 - 2);
+        let [c, d] = match k % 3 {
+            0 => [near(a), near(b)],
+            1 => [near(b), near(a)],
+            _ => [near(2.0 * a), near(0.5 * b)],
+        };
+        let exact = f64::from(a) * f64::from(b) - f64::from(c) * f64::from(d);
+        let found = difference_of_products(a, b, c, d);
+        assert_eq!(found > 0.0, exact > 0.0, "{a:e} {b:e} {c:e} {d:e}: {found:e}, not {exact:e}");
+        assert_eq!(found < 0.0, exact < 0.0, "{a:e} {b:e} {c:e} {d:e}: {found:e}, not {exact:e}");
+        let error = (f64::from(found) - exact).abs();
+        assert!(error <= 3.0 * 2f64.powi(-24) * exact.abs(), "{found:e}, not {exact:e}");
+        assert_eq!(difference_of_products(d, c, b, a), -found);
+        // What the rounded products alone say is never wrong, but may be nothing.
+        let rounded = a * b - c * d;
+        assert!(f64::from(rounded) * exact >= 0.0);
+        zeros += usize::from(exact == 0.0);
+        saved += usize::from(rounded == 0.0 && exact != 0.0);
+    }
+    assert!(zeros > 1000 && saved > 1000, "{zeros} {saved}");
 }

@@ -166,6 +166,90 @@ fn a_view_from_inside_faces_no_wall() {
     assert_eq!(outside, Camera::view(0, &trees[0].nodes[ROOT as usize].aabb, 1).unwrap());
 }
 
+/// The faces of a box.
+fn faces(low: [f32; 3], high: [f32; 3]) -> Vec<Triangle> {
+    let face = |axis: usize, at: f32| {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        quad([(low[u], low[v]), (high[u], low[v]), (high[u], high[v]), (low[u], high[v])].map(|(x, y)| {
+            let mut p = [at; 3];
+            (p[u], p[v]) = (x, y);
+            p
+        }))
+    };
+    (0..3).flat_map(|axis| [face(axis, low[axis]), face(axis, high[axis])].concat()).collect()
+}
+
+fn lbvh_of(scene: &Scene) -> Bvh {
+    let mut device = CpuDevice::new(2).unwrap();
+    let working = SafeRange::of(&scene.triangles).apply(&scene.triangles);
+    let (tree, _) = lbvh(&mut device, &working, MortonBits::Sixty).unwrap();
+    Bvh::from_device(&tree.download(&mut device).unwrap()).unwrap().with_boxes_of(&scene.triangles)
+}
+
+#[test]
+fn rays_leave_a_wall_whatever_else_is_in_the_scene() {
+    let settings = RenderSettings { width: 97, height: 65, samples: 1, bounces: 3, light_samples: 1 };
+    let away = |far: f32| vec![Triangle { a: [far, 0.0, 0.0], b: [1.5 * far, 0.0, 0.0], c: [far, 1.0, 0.0] }];
+    // So fine that the scene cannot be moved towards the origin: coordinates in the room are multiples of 1/32.
+    let fine = vec![Triangle { a: [1e-7; 3], b: [2e-7; 3], c: [1e-7, 2e-7, 0.0] }];
+    let cases = [(0.0, Vec::new()), (0.0, away(1e3)), (0.0, away(1e6)), (0.0, away(1e9)), (524_288.0, fine)];
+    for (offset, more) in cases {
+        let moved = |p: [f32; 3]| p.map(|x| x + offset);
+        let mut triangles = faces(moved([-4.0, -2.0, -4.0]), moved([4.0, 2.0, 4.0]));
+        triangles.extend(&more);
+        let [eye, look_at] = [moved([0.5, 0.25, 0.5]), moved([3.0, 0.25, 1.0])];
+        let camera = Camera { eye, look_at, up: [0.0, 1.0, 0.0], fov_degrees: 75.0 };
+        let scene = Scene::from_triangles("room", triangles).unwrap();
+        let tree = lbvh_of(&scene);
+        with_devices(|devices| {
+            let mut first = None;
+            for (name, device) in devices {
+                let picture = render(&mut **device, &scene, &tree, &camera, &settings).unwrap();
+                let all = 97 * 65;
+                let what = format!("{more:?}, {name}");
+                assert_eq!((picture.primary.hits, picture.secondary.rays), (all, 3 * all), "{what}");
+                assert_eq!(picture.secondary.hits, 3 * all, "{what}");
+                // Nothing stands in the light of a room alone.
+                assert!(picture.shadow.rays > 0 && (!more.is_empty() || picture.shadow.hits == 0), "{what}");
+                let new = bits(&picture);
+                assert!(*first.get_or_insert_with(|| new.clone()) == new, "{what}");
+            }
+        });
+    }
+}
+
+/// Numbers of rays and of those that hit.
+fn numbers(picture: &Rendering) -> [[u64; 2]; 3] {
+    [&picture.primary, &picture.shadow, &picture.secondary].map(|cost| [cost.rays, cost.hits])
+}
+
+#[test]
+fn a_scene_that_is_moved_keeps_its_picture() {
+    let ground = quad([[-100.0, 0.0, -100.0], [100.0, 0.0, -100.0], [100.0, 0.0, 100.0], [-100.0, 0.0, 100.0]]);
+    let scene = [&faces([-5.0, 0.0, -5.0], [5.0, 10.0, 5.0])[..], &ground].concat();
+    let eye = [20.0, 15.0, 30.0];
+    let settings = RenderSettings { width: 64, height: 48, samples: 2, bounces: 2, light_samples: 2 };
+    let mut device = CpuDevice::new(2).unwrap();
+    let mut picture = |offset: [f32; 3]| {
+        let moved = |p: [f32; 3]| [0, 1, 2].map(|k| p[k] + offset[k]);
+        let triangles = scene.iter().map(|t| Triangle { a: moved(t.a), b: moved(t.b), c: moved(t.c) }).collect();
+        let scene = Scene::from_triangles("cube", triangles).unwrap();
+        let look_at = moved([0.0, 3.0, 0.0]);
+        let camera = Camera { eye: moved(eye), look_at, up: [0.0, 1.0, 0.0], fov_degrees: 60.0 };
+        render(&mut device, &scene, &lbvh_of(&scene), &camera, &settings).unwrap()
+    };
+    let first = picture([0.0; 3]);
+    let [_, [shadows, dark], _] = numbers(&first);
+    assert!(dark > 50 && dark < shadows / 2, "{dark} of {shadows} shadow rays hit something");
+    for offset in
+        [[65_536.0; 3], [131_072.0; 3], [524_288.0, 0.0, -524_288.0], [-524_288.0; 3], [1e3, 0.0, 1_048_576.0]]
+    {
+        let there = picture(offset);
+        assert_eq!(numbers(&there), numbers(&first), "{offset:?}");
+        assert!(bits(&there) == bits(&first), "{offset:?}");
+    }
+}
+
 #[test]
 fn settings_out_of_range_are_refused() {
     let scene = square();

@@ -15,12 +15,12 @@ use prbvh_kernel::trace::TraceNode;
 use prbvh_tests::devices::with_devices;
 use prbvh_tests::fixtures::{Random, soup};
 use prbvh_tests::oracle::random_tree;
-use prbvh_tests::rays::{REACH, ray, rays};
+use prbvh_tests::rays::{STARTS, ray, rays};
 use std::ops::ControlFlow;
 
 /// Parameter and triangle of the closest hit, from all triangles one by one.
 fn brute_force(triangles: &[Triangle], rays: &[Ray]) -> Vec<(f32, u32)> {
-    let range = TraceRange::of(triangles, REACH);
+    let range = TraceRange::of(triangles, &STARTS);
     let working = range.triangles(triangles);
     let closest = |(k, ray): (usize, &Ray)| {
         let ray = range.ray(k, ray).unwrap();
@@ -54,7 +54,7 @@ fn trees(triangles: &[Triangle]) -> Vec<(&'static str, Bvh)> {
 }
 
 fn run(device: &mut dyn Device, tree: &Bvh, triangles: &[Triangle], rays: &[Ray], query: Query) -> Vec<Hit> {
-    let mut scene = TraceScene::new(device, tree, triangles, REACH).unwrap();
+    let mut scene = TraceScene::new(device, tree, triangles, &STARTS).unwrap();
     let (hits, _) = trace(device, &mut scene, rays, query).unwrap();
     scene.free(device);
     hits
@@ -178,7 +178,7 @@ fn scenes_at_the_ends_of_f32() {
             .collect();
         let mut device = CpuDevice::new(2).unwrap();
         let tree = trees(&triangles).pop().unwrap().1;
-        let mut scene = TraceScene::new(&mut device, &tree, &triangles, 4.0 * scale).unwrap();
+        let mut scene = TraceScene::new(&mut device, &tree, &triangles, &STARTS.map(scaled)).unwrap();
         let (hits, _) = trace(&mut device, &mut scene, &rays, Query::Closest).unwrap();
         scene.free(&mut device);
         let hit = hits.iter().filter(|hit| hit.triangle != NO_TRIANGLE).count();
@@ -213,7 +213,7 @@ fn stacks_hold_trees_of_every_depth() {
         let tree = chain(&triangles);
         with_devices(|devices| {
             for (name, device) in devices {
-                let mut scene = TraceScene::new(&mut **device, &tree, &triangles, REACH).unwrap();
+                let mut scene = TraceScene::new(&mut **device, &tree, &triangles, &STARTS).unwrap();
                 assert_eq!(scene.depth() as usize, depth);
                 let (hits, _) = trace(&mut **device, &mut scene, &rays, Query::Closest).unwrap();
                 assert_eq!(answers(&hits), expected, "depth {depth}, {name}");
@@ -236,7 +236,7 @@ fn a_leaf_of_more_triangles_than_a_dispatch_has_steps() {
     let tree = Bvh { nodes: vec![root], triangle_order: (0..70_000).rev().collect() };
     with_devices(|devices| {
         for (name, device) in devices {
-            let mut scene = TraceScene::new(&mut **device, &tree, &triangles, REACH).unwrap();
+            let mut scene = TraceScene::new(&mut **device, &tree, &triangles, &STARTS).unwrap();
             let (hits, _) = trace(&mut **device, &mut scene, &rays, Query::Closest).unwrap();
             assert!(scene.is_deep());
             assert_eq!(answers(&hits), expected, "{name}");
@@ -256,7 +256,7 @@ fn a_box_that_is_too_small_is_noticed() {
     let expected = brute_force(&triangles, &rays);
     let tree = trees(&triangles).swap_remove(2).1;
     let mut device = CpuDevice::new(1).unwrap();
-    let mut scene = TraceScene::new(&mut device, &tree, &triangles, REACH).unwrap();
+    let mut scene = TraceScene::new(&mut device, &tree, &triangles, &STARTS).unwrap();
     let nodes = scene.buffers()[0].clone();
     let mut whole: Vec<TraceNode> = vec![bytemuck::Zeroable::zeroed(); nodes.length];
     device.download(&nodes, bytemuck::cast_slice_mut(&mut whole)).unwrap();
@@ -264,7 +264,7 @@ fn a_box_that_is_too_small_is_noticed() {
     for v in 0..whole.len() {
         // One box of one node, its lower face moved inwards by two thousandths of the wall.
         let mut broken = whole.clone();
-        broken[v].left_min[1] += 0.002 * scene.range().coordinate(1.0);
+        broken[v].left_min[1] += scene.range().length(0.002);
         device.upload(&nodes, bytemuck::cast_slice(&broken)).unwrap();
         let (hits, _) = trace(&mut device, &mut scene, &rays, Query::Closest).unwrap();
         noticed += usize::from(answers(&hits) != expected);
@@ -280,7 +280,7 @@ fn bad_rays_and_trees_are_refused() {
     let triangles = soup(10, 0.3, 1);
     let mut device = CpuDevice::new(1).unwrap();
     let mut tree = trees(&triangles).swap_remove(1).1;
-    let mut scene = TraceScene::new(&mut device, &tree, &triangles, REACH).unwrap();
+    let mut scene = TraceScene::new(&mut device, &tree, &triangles, &STARTS).unwrap();
     let good = ray([0.0; 3], [1.0; 3]);
     let bad = [
         Ray { origin: [f32::NAN, 0.0, 0.0], ..good },
@@ -301,10 +301,10 @@ fn bad_rays_and_trees_are_refused() {
     assert_eq!(hits, [Hit { t: 0.0, triangle: NO_TRIANGLE, box_tests: 0, triangle_tests: 0 }]);
     scene.free(&mut device);
     // A tree of another scene.
-    let error = TraceScene::new(&mut device, &tree, &triangles[..9], REACH).unwrap_err();
+    let error = TraceScene::new(&mut device, &tree, &triangles[..9], &STARTS).unwrap_err();
     assert!(matches!(error, TraceError::InvalidTree(_)), "{error}");
     tree.triangle_order[3] = tree.triangle_order[4];
-    let error = TraceScene::new(&mut device, &tree, &triangles, REACH).unwrap_err();
+    let error = TraceScene::new(&mut device, &tree, &triangles, &STARTS).unwrap_err();
     assert!(matches!(error, TraceError::InvalidTree(_)), "{error}");
     assert_eq!(device.memory().bytes, 0);
 }

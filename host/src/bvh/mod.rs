@@ -27,7 +27,7 @@ mod validate;
 
 pub(crate) use decode::Decoder;
 pub use encode::EncodeError;
-pub use epo::epo;
+pub use epo::{Epo, EpoProgress, epo, epo_budget, epo_watched};
 pub use fault::{Link, TreeFault, summary};
 pub use hash::{topology_hash, tree_hash};
 pub use quality::{Quality, SahModel, quality};

@@ -39,6 +39,9 @@ pub struct Quality {
     pub leaves: u32,
     /// Triangles.
     pub triangles: u32,
+    /// Whether the root's box has no area, so that every ratio counts as 1.
+    #[serde(default)]
+    pub is_root_flat: bool,
 }
 
 /// Measures a valid tree.
@@ -50,7 +53,7 @@ pub fn quality(tree: &Bvh, model: &SahModel) -> Quality {
     let root = half_area(&tree.nodes[ROOT as usize].aabb);
     let ratio = |aabb: &Aabb| if root > 0.0 { half_area(aabb) / root } else { 1.0 };
     let (mut internal, mut leaf) = (0.0, 0.0);
-    let mut measured = Quality::default();
+    let mut measured = Quality { is_root_flat: root <= 0.0, ..Quality::default() };
     let mut depth_sum = 0u64;
     let mut stack = vec![(ROOT, 0)];
     while let Some((v, depth)) = stack.pop() {
@@ -121,14 +124,16 @@ mod tests {
     #[test]
     fn a_root_of_no_area_costs_a_visit_of_all() {
         let tree = three_boxes(cube(1.0, 1.0), cube(1.0, 1.0), cube(1.0, 1.0));
-        assert_eq!(quality(&tree, &SahModel::default()).sah_cost, 3.0 + 2.0 * 4.0);
+        let measured = quality(&tree, &SahModel::default());
+        assert_eq!((measured.sah_cost, measured.is_root_flat), (3.0 + 2.0 * 4.0, true));
     }
 
     #[test]
     fn extents_at_both_ends_of_f32() {
         for max in [3e38f32, 1e-45] {
             let tree = three_boxes(cube(-max, max), cube(-max, max), cube(-max, max));
-            assert_eq!(quality(&tree, &SahModel::default()).sah_cost, 3.0 + 2.0 * 4.0);
+            let measured = quality(&tree, &SahModel::default());
+            assert_eq!((measured.sah_cost, measured.is_root_flat), (3.0 + 2.0 * 4.0, false));
         }
     }
 

@@ -51,7 +51,7 @@ pub(crate) fn main() -> ExitCode {
         Some(Command::Compare(args)) => compare::run(&args, &log, &interrupt),
         Some(Command::Peer(args)) => Ok(compare::run_peer(&args, &interrupt)),
         Some(Command::Stability(args)) => stability::run(&args, &interrupt),
-        Some(Command::Stats(args)) => stats::run(&args),
+        Some(Command::Stats(args)) => stats::run(&args, &log),
         Some(Command::Devices(args)) => devices::run(&args),
     };
     let code = result.unwrap_or_else(|error| {

@@ -1,16 +1,19 @@
 //! `prbvh stats`.
 
 use super::args::StatsArgs;
+use super::log::Log;
 use super::stdout::print;
 use super::{load_scene, print_error};
 use anyhow::Context;
-use prbvh::bvh::{self, SahModel, TreeFault};
+use prbvh::bvh::{self, Bvh, Epo, SahModel, TreeFault};
+use prbvh::scene::Scene;
+use std::ops::ControlFlow;
 use std::process::ExitCode;
 
 /// Faults to print; the others are counted.
 const FAULTS_SHOWN: usize = 20;
 
-pub(super) fn run(args: &StatsArgs) -> anyhow::Result<ExitCode> {
+pub(super) fn run(args: &StatsArgs, log: &Log) -> anyhow::Result<ExitCode> {
     let file = bvh::file::read(&args.tree)?;
     let scene = args.scene.as_deref().map(|path| load_scene(path, args.triangles)).transpose()?;
     if let Some(scene) = &scene {
@@ -29,13 +32,15 @@ pub(super) fn run(args: &StatsArgs) -> anyhow::Result<ExitCode> {
     }
     let model = SahModel::default();
     let quality = bvh::quality(&file.tree, &model);
-    let epo = triangles.map(|triangles| bvh::epo(&file.tree, triangles, &model));
+    let epo = scene.as_ref().and_then(|scene| overlap(&file.tree, scene, &model, log));
     let hash = bvh::tree_hash(&file.tree);
     if args.json {
         let mut json = serde_json::to_value(quality).context("quality as JSON")?;
         if let Some(json) = json.as_object_mut() {
             json.insert("valid".into(), true.into());
-            json.insert("epo".into(), epo.into());
+            json.insert("epo".into(), epo.map(|epo| epo.value).into());
+            json.insert("epo_error".into(), epo.map(|epo| epo.error).into());
+            json.insert("epo_drawn".into(), epo.map(|epo| epo.drawn).into());
             json.insert("tree_hash".into(), hash.into());
             json.insert("scene_hash".into(), file.scene_hash.into());
         }
@@ -45,8 +50,14 @@ pub(super) fn run(args: &StatsArgs) -> anyhow::Result<ExitCode> {
         let leaf_boxes = if scene.is_some() { "leaf boxes checked" } else { "leaf boxes not checked: no --scene" };
         print(&format!("valid        yes ({leaf_boxes})"))?;
         print(&format!("SAH cost     {:.3} (c_T = {c_t}, c_I = {c_i})", quality.sah_cost))?;
+        if quality.is_root_flat {
+            print("             the root's box has no area: every node counts as if it were as large")?;
+        }
         match epo {
-            Some(epo) => print(&format!("EPO          {epo:.3} (c_T = {c_t}, c_I = {c_i})"))?,
+            Some(Epo { value, error, drawn, .. }) if drawn > 0 => print(&format!(
+                "EPO          {value:.3} ± {error:.3} (95 %, from {drawn} triangles, c_T = {c_t}, c_I = {c_i})"
+            ))?,
+            Some(epo) => print(&format!("EPO          {:.3} (c_T = {c_t}, c_I = {c_i})", epo.value))?,
             None => print("EPO          needs the triangles: --scene")?,
         }
         print(&format!("depth        {} (leaves {:.1} on average)", quality.max_depth, quality.mean_leaf_depth))?;
@@ -57,6 +68,19 @@ pub(super) fn run(args: &StatsArgs) -> anyhow::Result<ExitCode> {
         print(&format!("scene hash   {}", file.scene_hash))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The end-point overlap, with progress.
+fn overlap(tree: &Bvh, scene: &Scene, model: &SahModel, log: &Log) -> Option<Epo> {
+    let bar = log.steps();
+    let epo = bvh::epo_watched(tree, &scene.triangles, model, bvh::epo_budget(scene.triangles.len()), &|progress| {
+        bar.set_length(progress.of);
+        bar.set_position(progress.done);
+        bar.set_message(if progress.is_sampled { "end-point overlap, from a sample" } else { "end-point overlap" });
+        ControlFlow::Continue(())
+    });
+    log.end_bar();
+    epo
 }
 
 fn report_faults(args: &StatsArgs, faults: &[TreeFault]) -> anyhow::Result<ExitCode> {

@@ -98,6 +98,9 @@ pub struct MethodRow {
     pub depth: Option<u32>,
     /// End-point overlap (Aila, Karras & Laine 2013) of the tree with one triangle per leaf, unitless.
     pub epo: Option<f64>,
+    /// Half the width of its 95 % confidence interval, unitless; 0 where it is exact ([`crate::bvh::epo()`]).
+    #[serde(default)]
+    pub epo_error: Option<f64>,
     /// Most bytes of device buffers while it was built.
     pub bytes: Option<u64>,
     /// Iterations of an optimiser.

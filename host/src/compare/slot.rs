@@ -6,7 +6,7 @@ use super::measure::{Host, Made, Subject};
 use super::methods::{Builder, Job};
 use super::rays::{Hits, Traced, Views, sees_nothing};
 use super::{MethodError, MethodRow, OptimizerRun, RayRates, RaySettings, median};
-use crate::bvh::{self, Quality, SahModel};
+use crate::bvh::{self, Epo, Quality, SahModel};
 use crate::device::Device;
 use crate::scene::Scene;
 
@@ -41,7 +41,7 @@ struct First {
     hash: String,
     quality: Quality,
     adaptive: Option<Quality>,
-    epo: f64,
+    epo: Epo,
     bytes: Option<u64>,
     threads: u32,
 }
@@ -212,7 +212,8 @@ impl Slot<'_> {
             build_s: median(&self.walls),
             device_s: median(&self.kernels),
             depth: first.map(|first| first.quality.max_depth),
-            epo: first.map(|first| first.epo),
+            epo: first.map(|first| first.epo.value),
+            epo_error: first.map(|first| first.epo.error),
             bytes: first.and_then(|first| first.bytes),
             iterations: iterations.filter(|&iterations| iterations > 0),
             tree_hash: first.map(|first| first.hash.clone()),

@@ -26,7 +26,7 @@ const COLUMNS: &[Column] = &[
     number("box/ray", 12, |row| row.box_tests.map(format::significant)),
     number("tri/ray", 13, |row| row.triangle_tests.map(format::significant)),
     number("depth", 10, |row| row.depth.map(|depth| depth.to_string())),
-    number("EPO", 8, |row| row.epo.map(format::significant)),
+    number("EPO", 8, overlap),
     number("iter.", 11, |row| row.iterations.map(|iterations| format::count(iterations.into()))),
     number("memory", 14, |row| row.bytes.map(format::bytes)),
 ];
@@ -37,6 +37,15 @@ const fn number(header: &'static str, rank: u32, cell: fn(&MethodRow) -> Option<
 
 fn cost(cost: f64) -> String {
     format!("{cost:.2}")
+}
+
+/// The end-point overlap, with its error where it is an estimate.
+fn overlap(row: &MethodRow) -> Option<String> {
+    let value = format::significant(row.epo?);
+    Some(match row.epo_error {
+        Some(error) if error > 0.0 => format!("{value}±{}", format::significant(error)),
+        _ => value,
+    })
 }
 
 /// Millions of rays per second, primary, shadow and secondary ones, as in the paper's table.
@@ -205,6 +214,11 @@ mod tests {
         two.rows[2].traced_on = None;
         assert!(table(&two, 80).contains("llvmpipe (LLV…"));
         assert!(!table(&scene, 200).contains("EPO"), "a column without numbers");
+        let mut overlapping = scene.clone();
+        (overlapping.rows[0].epo, overlapping.rows[0].epo_error) = (Some(12.34), Some(0.567));
+        (overlapping.rows[1].epo, overlapping.rows[1].epo_error) = (Some(56.78), Some(0.0));
+        let text = table(&overlapping, 200);
+        assert!(text.contains("12.3±0.57") && text.contains("56.8 "), "{text}");
     }
 
     #[test]

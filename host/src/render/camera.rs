@@ -84,11 +84,6 @@ impl Camera {
         }
     }
 
-    /// Largest |coordinate| of the eye.
-    pub(super) fn reach(&self) -> f32 {
-        self.eye.iter().fold(0.0, |m, x| m.max(x.abs()))
-    }
-
     /// Forward, right and up; the latter two as long as the picture's half width and half height at distance 1.
     pub(super) fn frame(&self, width: u32, height: u32) -> Result<[[f32; 3]; 3], RenderError> {
         let numbers = [self.eye, self.look_at, self.up];

@@ -29,8 +29,8 @@ pub fn clear_view(
         let Ok(frame) = camera.frame(GRID[0], GRID[1]) else { return Ok(first) };
         rays.extend(grid(camera, frame));
     }
-    let reach = candidates.iter().map(Camera::reach).fold(0.0, f32::max);
-    let mut traced = TraceScene::new(device, tree, &scene.triangles, reach)?;
+    let eyes: Vec<[f32; 3]> = candidates.iter().map(|camera| camera.eye).collect();
+    let mut traced = TraceScene::new(device, tree, &scene.triangles, &eyes)?;
     let result = trace(device, &mut traced, &rays, Query::Closest);
     traced.free(device);
     let (hits, _) = result?;

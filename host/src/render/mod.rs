@@ -134,7 +134,7 @@ pub fn render(
 ) -> Result<Rendering, RenderError> {
     settings.check()?;
     let frame = camera.frame(settings.width, settings.height)?;
-    let mut traced = TraceScene::new(device, tree, &scene.triangles, camera.reach())?;
+    let mut traced = TraceScene::new(device, tree, &scene.triangles, &[camera.eye])?;
     let bounds = tree.nodes[ROOT as usize].aabb;
     let light = camera::AreaLight::of(camera, &bounds, traced.range());
     let mut result = wave::render(device, &traced, scene, camera, &frame, &light, settings);

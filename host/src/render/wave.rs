@@ -5,20 +5,20 @@ use super::{Camera, RayCost, RenderSettings, Rendering};
 use crate::build::Scratch;
 use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
 use crate::scene::Scene;
-use crate::trace::{Hit, Query, Ray, TraceScene};
+use crate::trace::{Hit, Query, Ray, TraceRange, TraceScene};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::ray::LARGEST;
 use prbvh_kernel::setup::Triangle;
 use prbvh_kernel::trace::counts::{COUNT_CHUNK, CountParams, RayCounts};
-use prbvh_kernel::trace::path::{CameraParams, FilmParams, GatherParams, Light, Path, Pixel, ShadeParams, pixel};
+use prbvh_kernel::trace::path::{
+    CameraParams, FilmParams, GatherParams, Light, Path, Pixel, ShadeParams, Surface, pixel,
+};
 use rayon::prelude::*;
 
 /// Most rays of a wave, shadow rays counted: their buffers stay below 64 MiB.
 const MOST_RAYS: u32 = 1 << 21;
 /// Pixels of a tile.
 const TILE: u32 = 64;
-/// New rays start this far from the surface, trace range: 2^-16 of the scene.
-const OFFSET: f32 = (1u32 << 15) as f32;
 /// Farther than any corner from any eye.
 const FARTHEST: f32 = 8.0 * LARGEST;
 
@@ -36,7 +36,7 @@ struct Wave {
     lights: Buffer,
     states: Buffer,
     pixels: Buffer,
-    normals: Buffer,
+    surfaces: Buffer,
     /// Primary, shadow, secondary.
     counts: [Buffer; 3],
 }
@@ -47,6 +47,7 @@ impl Wave {
         scratch: &mut Scratch,
         settings: &RenderSettings,
         triangles: &[Triangle],
+        range: &TraceRange,
     ) -> Result<Self, DeviceError> {
         let all = settings.width.div_ceil(8) * settings.height.div_ceil(8) * TILE;
         let paths = all.min((MOST_RAYS / settings.light_samples / TILE).max(1) * TILE);
@@ -63,15 +64,17 @@ impl Wave {
             lights: buffer("lights", shadow, size_of::<Light>())?,
             states: buffer("paths", length, size_of::<Path>())?,
             pixels: buffer("pixels", length, size_of::<Pixel>())?,
-            normals: buffer("normals", 3 * triangles.len(), 4)?,
+            surfaces: buffer("surfaces", triangles.len(), size_of::<Surface>())?,
             counts: [
                 buffer("ray counts", chunks(length), size_of::<RayCounts>())?,
                 buffer("ray counts", chunks(shadow), size_of::<RayCounts>())?,
                 buffer("ray counts", chunks(length), size_of::<RayCounts>())?,
             ],
         };
-        let normals: Vec<f32> = triangles.par_iter().flat_map_iter(normal).collect();
-        device.upload(&wave.normals, bytemuck::cast_slice(&normals))?;
+        let surface =
+            |t: &Triangle| Surface { a: range.point(t.a), b: range.point(t.b), c: range.point(t.c), normal: normal(t) };
+        let surfaces: Vec<Surface> = triangles.par_iter().map(surface).collect();
+        device.upload(&wave.surfaces, bytemuck::cast_slice(&surfaces))?;
         Ok(wave)
     }
 }
@@ -140,7 +143,7 @@ pub(super) fn render(
 ) -> Result<(Rendering, u64), DeviceError> {
     let mut scratch = Scratch::default();
     let eye = traced.range().point(camera.eye);
-    let result = Wave::new(device, &mut scratch, settings, &scene.triangles).and_then(|wave| {
+    let result = Wave::new(device, &mut scratch, settings, &scene.triangles, traced.range()).and_then(|wave| {
         let stages = Stages { traced, wave: &wave, eye, frame, light, settings };
         stages.all(device)
     });
@@ -236,7 +239,7 @@ impl Stages<'_> {
             let (label, counts) = if bounce == 0 { (PRIMARY, &wave.counts[0]) } else { (SECONDARY, &wave.counts[2]) };
             self.traced.record(recording, label, (&wave.rays, &wave.hits), count, Query::Closest);
             record_count(recording, count, [&wave.rays, &wave.hits, counts]);
-            let buffers = [&wave.hits, &wave.normals, &wave.rays, &wave.states, &wave.shadow_rays, &wave.lights];
+            let buffers = [&wave.hits, &wave.surfaces, &wave.rays, &wave.states, &wave.shadow_rays, &wave.lights];
             let params = self.shade_params(count, sample, bounce);
             recording.dispatch("shade", Kernel::PathShade, count, &params, &buffers);
             self.traced.record(recording, SHADOW, (&wave.shadow_rays, &wave.shadow_hits), shadow, Query::Any);
@@ -256,7 +259,6 @@ impl Stages<'_> {
             bounce,
             ends: u32::from(bounce == self.settings.bounces),
             light_samples,
-            offset: OFFSET,
             t_max: FARTHEST,
             light: self.light.middle,
             light_u: self.light.u,

@@ -36,6 +36,7 @@ pub(super) fn report(iterations: u32) -> RunReport {
         nodes: 524_533,
         leaves: 262_267,
         triangles: 262_267,
+        is_root_flat: false,
     };
     let final_cost = rows.iter().map(|row| row.cost).fold(f64::INFINITY, f64::min);
     let mut times = PhaseTimes::default();

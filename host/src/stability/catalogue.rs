@@ -5,6 +5,8 @@ use prbvh_kernel::setup::Triangle;
 
 /// Triangles of a case unless it is about a number.
 const USUAL: usize = 300;
+/// Distance of the far room from the origin, along each axis.
+const FAR: f64 = 524_288.0;
 
 /// A scene to be stable on.
 #[derive(Clone, Copy, Debug)]
@@ -17,6 +19,8 @@ pub struct Case {
     pub is_exact: bool,
     /// Rays traced through each of its trees.
     pub rays: usize,
+    /// A point inside a closed surface: no ray that leaves what is seen from there gets out.
+    pub inside: Option<[f32; 3]>,
     /// Triangles asked for, and with `full`.
     sizes: [usize; 2],
     parameter: f64,
@@ -38,7 +42,7 @@ const fn case(
     make: fn(usize, f64) -> Vec<Triangle>,
     parameter: f64,
 ) -> Case {
-    Case { name, purpose, is_exact: false, rays: 0, sizes: [USUAL; 2], parameter, make }
+    Case { name, purpose, is_exact: false, rays: 0, inside: None, sizes: [USUAL; 2], parameter, make }
 }
 
 impl Case {
@@ -59,6 +63,11 @@ impl Case {
 
     const fn with_rays(mut self, rays: usize) -> Self {
         self.rays = rays;
+        self
+    }
+
+    const fn closed_around(mut self, inside: [f32; 3]) -> Self {
+        self.inside = Some(inside);
         self
     }
 }
@@ -110,6 +119,15 @@ pub const CATALOGUE: &[Case] = &[
         63.0,
     )
     .with_rays(64),
+    case("far-offset", "a room where float32 has 16 steps to a unit: new rays must not get out", shapes::room, FAR)
+        .of(204)
+        .exact()
+        .with_rays(64)
+        .closed_around([FAR as f32 + 0.5, FAR as f32 + 0.25, FAR as f32 + 0.5]),
+    case("far-triangle", "a room and a triangle far away: no distance may follow from it", shapes::room_and_far, 1e6)
+        .of(205)
+        .with_rays(64)
+        .closed_around([0.5, 0.25, 0.5]),
 ];
 
 #[cfg(test)]

@@ -259,5 +259,13 @@ impl Variants<'_> {
                 None => row.rays = hits.len() as u32,
             },
         }
+        let Some(eye) = self.ready.case.inside else { return };
+        match rays::indoors(&self.result.tree, scene, eye, device) {
+            Err(error) => row.breach(Property::Rays, error.to_string()),
+            Ok([left, hit]) if left == 0 || hit < left => {
+                row.breach(Property::Rays, format!("{hit} of {left} rays that leave a wall of a closed room hit one"));
+            }
+            Ok(_) => {}
+        }
     }
 }

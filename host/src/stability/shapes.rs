@@ -219,6 +219,42 @@ pub(super) fn morton_comb(n: usize, bits: f64) -> Vec<Triangle> {
     (0..n).map(tooth).collect()
 }
 
+/// The surface of a box, `side` by `side` squares on each of its faces.
+fn hull(low: Point, extent: Point, side: usize) -> Vec<Triangle> {
+    let face = |axis: usize, end: f64| {
+        let at = move |i: usize, j: usize| {
+            let part = [i as f64 / side as f64, j as f64 / side as f64];
+            let mut p = low;
+            p[axis] += end * extent[axis];
+            for (k, part) in part.into_iter().enumerate() {
+                let other = (axis + 1 + k) % 3;
+                p[other] += part * extent[other];
+            }
+            p
+        };
+        (0..side * side).flat_map(move |k| {
+            let (i, j) = (k % side, k / side);
+            let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+            // Seen from outside the corners go round the same way on all faces.
+            if end > 0.0 { [triangle(a, b, c), triangle(a, c, d)] } else { [triangle(a, c, b), triangle(a, d, c)] }
+        })
+    };
+    (0..3).flat_map(|axis| face(axis, 0.0).chain(face(axis, 1.0))).collect()
+}
+
+/// A closed room of 8 by 4 by 8, `distance` away from the origin along every axis, and a cube on its floor: whole coordinates.
+pub(super) fn room(n: usize, distance: f64) -> Vec<Triangle> {
+    let side = [1, 2, 4].into_iter().rev().find(|side| 12 * side * side + 12 <= n).unwrap_or(1);
+    let at = |p: Point| p.map(|x| x + distance);
+    [hull(at([-4.0, -2.0, -4.0]), [8.0, 4.0, 8.0], side), hull(at([2.0, -2.0, 1.0]), [1.0; 3], 1)].concat()
+}
+
+/// The room at the origin, and one triangle `distance` away.
+pub(super) fn room_and_far(n: usize, distance: f64) -> Vec<Triangle> {
+    let far = triangle([distance, 0.0, 0.0], [distance + 1.0, 0.0, 0.0], [distance, 1.0, 0.0]);
+    [room(n - 1, 0.0), vec![far]].concat()
+}
+
 #[cfg(test)]
 #[path = "shapes_tests.rs"]
 mod tests;

@@ -166,6 +166,25 @@ fn every_kind_of_bad_number_is_there() {
     assert!(refused.contains("triangle 2:") && refused.contains("NaN"), "{refused}");
 }
 
+#[test]
+fn rooms_are_closed_and_where_they_are_said_to_be() {
+    for (triangles, count) in [(room(204, 524_288.0), 204), (room_and_far(205, 1e6), 204)] {
+        assert_eq!(triangles.iter().filter(|t| t.a[0].abs() < 1e6 - 1.0).count(), count);
+        // Each edge of a closed surface is passed once in each direction.
+        let mut edges = std::collections::HashMap::new();
+        for t in &triangles[..count] {
+            for (p, q) in [(t.a, t.b), (t.b, t.c), (t.c, t.a)] {
+                *edges.entry([p, q].map(|p| p.map(f32::to_bits))).or_insert(0) += 1;
+            }
+        }
+        assert!(edges.iter().all(|([p, q], &times)| times == 1 && edges.contains_key(&[*q, *p])));
+        assert!(coordinates(&triangles).iter().all(|x| x.fract() == 0.0));
+    }
+    let far = room(204, 524_288.0);
+    assert!(coordinates(&far).iter().all(|x| (x - 524_288.0).abs() <= 4.0));
+    assert_eq!(room(204, 0.0).len(), 204);
+}
+
 fn depth(tree: &Bvh) -> u32 {
     quality(tree, &SahModel::default()).max_depth
 }

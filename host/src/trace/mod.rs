@@ -33,7 +33,7 @@ pub enum TraceError {
     /// The tree is none over the triangles.
     #[error("no rays were traced, because the tree is broken: {}", bvh::summary(.0))]
     InvalidTree(Vec<TreeFault>),
-    /// A coordinate of a ray is no number, or beyond what the scene was made for.
+    /// A coordinate of a ray is no number, or where the scene was not made for.
     #[error("ray {ray}: {what} is {value}, but must be {need}")]
     Ray {
         /// Number of the ray.
@@ -51,7 +51,7 @@ pub enum TraceError {
 /// the rays, with `t` as a distance in scene units, and the times of the device.
 ///
 /// # Errors
-/// If a ray has coordinates that are no numbers or beyond the reach of the scene, or the device fails.
+/// If a ray has coordinates that are no numbers, or starts where no ray was to start, or the device fails.
 pub fn trace(
     device: &mut dyn Device,
     scene: &mut TraceScene,

@@ -35,13 +35,17 @@ pub(super) struct Layout {
 }
 
 impl TraceScene {
-    /// Puts `tree` over `triangles` on the device. Rays will start where no |coordinate| is larger than `reach`, scene units, or than
-    /// the scene's largest.
+    /// Puts `tree` over `triangles` on the device. Rays will start in the smallest box around the scene and the points `starts`.
     ///
     /// # Errors
     /// If the tree is none over as many triangles, or the device refuses or fails.
-    pub fn new(device: &mut dyn Device, tree: &Bvh, triangles: &[Triangle], reach: f32) -> Result<Self, TraceError> {
-        let range = TraceRange::of(triangles, reach);
+    pub fn new(
+        device: &mut dyn Device,
+        tree: &Bvh,
+        triangles: &[Triangle],
+        starts: &[[f32; 3]],
+    ) -> Result<Self, TraceError> {
+        let range = TraceRange::of(triangles, starts);
         let working = range.triangles(triangles);
         let faults = bvh::links_and_leaves(tree, triangles.len());
         if !faults.is_empty() {

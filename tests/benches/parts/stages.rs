@@ -71,8 +71,9 @@ pub(crate) fn measure(device: &mut dyn Device, scene: &Scene, repetitions: usize
     let collapsed = collapsed.expect("it was made at least once");
     let bounds = &collapsed.nodes[ROOT as usize].aabb;
     let rays = rays::through(bounds, rays);
+    let starts: Vec<[f32; 3]> = rays.iter().map(|ray| ray.origin).collect();
     for (part, query) in [("closest hits", Query::Closest), ("any hits", Query::Any)] {
-        let mut traced = TraceScene::new(device, &collapsed, &scene.triangles, 0.0).expect("it fits");
+        let mut traced = TraceScene::new(device, &collapsed, &scene.triangles, &starts).expect("it fits");
         rows.push(repeated(part, rays.len(), repetitions, &mut || {
             let start = Instant::now();
             let (hits, timings) = trace(device, &mut traced, &rays, query).expect("the rays are good");

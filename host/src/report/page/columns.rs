@@ -29,7 +29,7 @@ pub(super) enum Cell {
 }
 
 /// From left to right, after the method.
-pub(super) const COLUMNS: [Column; 20] = [
+pub(super) const COLUMNS: [Column; 21] = [
     Column {
         name: "µ",
         unit: "",
@@ -144,6 +144,13 @@ pub(super) const COLUMNS: [Column; 20] = [
         meaning: "End-point overlap (Aila, Karras and Laine 2013): the share of the cost from nodes that a surface point lies in without belonging to them. Together with the cost it predicts the speed of rays better than the cost alone.",
         better: Better::Less,
         cell: Cell::Number(|row, _| row.epo, format::significant),
+    },
+    Column {
+        name: "EPO error",
+        unit: "±",
+        meaning: "Where an exact end-point overlap takes too long it is estimated from a sample; this is half the width of its 95 % confidence interval.",
+        better: Better::Less,
+        cell: Cell::Number(|row, _| row.epo_error.filter(|&error| error > 0.0), format::significant),
     },
     Column {
         name: "device memory",

@@ -11,9 +11,11 @@
 
 mod camera;
 mod shade;
+mod surface;
 
 pub use camera::{CameraParams, camera, pixel};
 pub use shade::{FilmParams, GatherParams, ShadeParams, film, gather, shade};
+pub use surface::Surface;
 
 use bytemuck::{Pod, Zeroable};
 

@@ -1,9 +1,9 @@
 //! What happens where a ray ends.
 
-use super::{Light, Path, Pixel};
+use super::{Light, Path, Pixel, Surface};
 use crate::math::{add_scaled, dot, reciprocal_sqrt};
 use crate::mem::Slot;
-use crate::ray::{Hit, NO_TRIANGLE, Ray};
+use crate::ray::{Hit, NO_TRIANGLE, Ray, UNFINISHED};
 use crate::trace::random::{cosine_direction, key, uniform};
 use bytemuck::{Pod, Zeroable};
 
@@ -33,8 +33,6 @@ pub struct ShadeParams {
     pub ends: u32,
     /// Shadow rays per hit.
     pub light_samples: u32,
-    /// Distance of new rays from the surface.
-    pub offset: f32,
     /// Largest parameter of a ray.
     pub t_max: f32,
     /// Middle of the light, in the trace range.
@@ -54,14 +52,14 @@ pub struct ShadeParams {
 }
 
 /// Invocation `i` shades the end of ray `i`: sky, or shadow rays `[i · light_samples ..]` with what light they may bring, and the
-/// next ray in `rays[i]`. Reads `hits[count]` and `normals[n]` (by triangle, 3 words each); writes `rays`, `paths`, `shadow_rays`, `lights`.
+/// next ray in `rays[i]`. Reads `hits[count]` and `surfaces[n]` (by triangle); writes `rays`, `paths`, `shadow_rays`, `lights`.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "each is a buffer of the kernel")]
 pub fn shade(
     i: u32,
     params: &ShadeParams,
     hits: &[Hit],
-    normals: &[f32],
+    surfaces: &[Surface],
     rays: &[Slot<Ray>],
     paths: &[Slot<Path>],
     shadow_rays: &[Slot<Ray>],
@@ -71,7 +69,8 @@ pub fn shade(
     let hit = hits[i as usize];
     let mut path = paths[i as usize].get();
     let mut next = Ray::NONE;
-    let is_hit = ray.is_active() && hit.triangle != NO_TRIANGLE;
+    // A picture with unfinished rays is made once more.
+    let is_hit = ray.is_active() && hit.triangle < UNFINISHED;
     if params.bounce == 0 {
         path.tests = hit.box_tests + hit.triangle_tests;
     }
@@ -85,12 +84,12 @@ pub fn shade(
     let mut normal = [0.0f32; 3];
     let key = key(path.pixel, params.sample, params.bounce);
     if is_hit {
-        let n = 3 * hit.triangle as usize;
-        normal = [normals[n], normals[n + 1], normals[n + 2]];
+        let surface = surfaces[hit.triangle as usize];
+        normal = surface.normal;
         if dot(normal, ray.direction) > 0.0 {
             normal = [-normal[0], -normal[1], -normal[2]];
         }
-        origin = add_scaled(add_scaled(ray.origin, hit.t, ray.direction), params.offset, normal);
+        origin = surface.leave(&ray, normal);
         path.throughput = product(path.throughput, ALBEDO);
         if params.ends == 0 {
             next = Ray::snapped(origin, cosine_direction(normal, key, 1000), params.t_max);

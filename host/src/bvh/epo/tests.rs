@@ -1,9 +1,20 @@
-//! End-point overlap by hand, against brute force, and at the ends of f32.
+//! End-point overlap by hand, against brute force, at the ends of f32, and from a sample.
 
 use super::super::testing::{Rng, device_tree, renumbered, tree};
-use super::super::{BvhNode, NO_NODE};
+use super::super::{BvhNode, Content, NO_NODE, ROOT};
+use super::clip::clipped_area;
+use super::sample::{LEAST_STRATA, Sample, estimate};
 use super::*;
+use prbvh_kernel::aabb::Aabb;
 use proptest::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+/// The overlap where it is exact.
+fn value(tree: &Bvh, triangles: &[Triangle], model: &SahModel) -> f64 {
+    let epo = epo(tree, triangles, model);
+    assert!(epo.is_exact() && epo.error == 0.0, "{epo:?}");
+    epo.value
+}
 
 /// A root with a leaf per list of triangles; a tree of two leaves only.
 fn two_leaves(triangles: &[Triangle], left: &[u32], right: &[u32]) -> Bvh {
@@ -29,7 +40,7 @@ const MODEL: SahModel = SahModel { c_traversal: 3.0, c_intersect: 2.0 };
 #[test]
 fn leaves_apart_overlap_nothing() {
     let triangles = [flat(0.0, 0.0, 0.0, 1.0), flat(5.0, 0.0, 0.0, 1.0)];
-    assert_eq!(epo(&two_leaves(&triangles, &[0], &[1]), &triangles, &MODEL), 0.0);
+    assert_eq!(value(&two_leaves(&triangles, &[0], &[1]), &triangles, &MODEL), 0.0);
 }
 
 #[test]
@@ -38,13 +49,13 @@ fn overlap_by_hand() {
     // the small one, area 1/2, lies inside the large one's box. Areas: 9/2 and 1/2.
     let triangles = [flat(0.0, 0.0, 0.0, 3.0), flat(1.0, 1.0, 0.0, 1.0)];
     let both = 2.0 * (0.5 + 0.5) / 5.0;
-    assert!((epo(&two_leaves(&triangles, &[0], &[1]), &triangles, &MODEL) - both).abs() < 1e-15);
+    assert!((value(&two_leaves(&triangles, &[0], &[1]), &triangles, &MODEL) - both).abs() < 1e-15);
     // Three triangles: the leaf of two costs twice as much.
     let triangles = [triangles[0], triangles[1], flat(1.0, 1.0, 0.0, 1.0)];
     let expected = (2.0 * (0.5 + 0.5) + 4.0 * 0.5) / 5.5;
-    assert!((epo(&two_leaves(&triangles, &[0], &[1, 2]), &triangles, &MODEL) - expected).abs() < 1e-15);
+    assert!((value(&two_leaves(&triangles, &[0], &[1, 2]), &triangles, &MODEL) - expected).abs() < 1e-15);
     let other = SahModel { c_traversal: 100.0, c_intersect: 1.0 };
-    assert!((epo(&two_leaves(&triangles, &[0], &[1, 2]), &triangles, &other) - expected / 2.0).abs() < 1e-15);
+    assert!((value(&two_leaves(&triangles, &[0], &[1, 2]), &triangles, &other) - expected / 2.0).abs() < 1e-15);
 }
 
 #[test]
@@ -67,7 +78,7 @@ fn a_triangle_in_a_face_is_inside() {
     let triangles = [flat(0.0, 0.0, 0.0, 1.0), Triangle { a: [0.0, 0.0, 0.0], b: [1.0, 0.0, 1.0], c: [1.0, 1.0, 1.0] }];
     let areas = triangles.map(|t| polygon_area(&corners(&t)));
     let expected = 2.0 * areas[0] / (areas[0] + areas[1]);
-    assert!((epo(&two_leaves(&triangles, &[0], &[1]), &triangles, &MODEL) - expected).abs() < 1e-15);
+    assert!((value(&two_leaves(&triangles, &[0], &[1]), &triangles, &MODEL) - expected).abs() < 1e-15);
 }
 
 #[test]
@@ -75,17 +86,111 @@ fn threads_do_not_change_a_bit() {
     let (triangles, tree) = tree(3 * CHUNK + 7, 11);
     let [one, three] = [1, 3].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| epo(&tree, &triangles, &MODEL))
+        pool.install(|| value(&tree, &triangles, &MODEL))
     });
     assert_eq!(one, three);
+}
+
+/// `n` long thin triangles from one face of the unit cube to the opposite one.
+fn diagonals(n: usize, seed: u64) -> (Vec<Triangle>, Bvh) {
+    let mut rng = Rng::new(seed);
+    let mut unit = || rng.below(1 << 20) as f32 / (1 << 20) as f32;
+    let mut diagonal = |_| {
+        let (a, b) = ([unit(), unit(), 0.0], [unit(), unit(), 1.0]);
+        Triangle { a, b, c: [b[0] + 1e-3, b[1], b[2]] }
+    };
+    let triangles: Vec<Triangle> = (0..n).map(&mut diagonal).collect();
+    let tree = Bvh::from_device(&crate::build::sah_binned(&triangles)).unwrap();
+    (triangles, tree)
+}
+
+fn within(tree: &Bvh, triangles: &[Triangle], budget: u64) -> Epo {
+    epo_watched(tree, triangles, &MODEL, budget, &|_| ControlFlow::Continue(())).unwrap()
+}
+
+#[test]
+fn it_is_exact_up_to_the_budget_and_estimated_beyond() {
+    let (triangles, tree) = diagonals(1000, 1);
+    let exact = epo(&tree, &triangles, &MODEL);
+    assert!(exact.is_exact() && exact.tests > 500 * 1000, "{exact:?}");
+    assert_eq!(within(&tree, &triangles, exact.tests), exact);
+    let first = within(&tree, &triangles, exact.tests - 1);
+    assert!(first.drawn >= 2 * LEAST_STRATA as u32 && first.error > 0.0, "{first:?}");
+    assert!((first.value - exact.value).abs() <= first.error, "{first:?}, {exact:?}");
+    // The same on any number of threads and however the nodes are numbered.
+    let renumbered = renumbered(&tree, &mut Rng::new(2));
+    for threads in [1, 3] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let other = pool.install(|| within(&renumbered, &triangles, exact.tests - 1));
+        assert_eq!(other, first, "{threads} threads");
+    }
+}
+
+#[test]
+fn intervals_cover_the_exact_value_and_no_other() {
+    let (triangles, tree) = diagonals(400, 3);
+    // Among triangles of all kinds, and with copies.
+    let mut mixed: Vec<Triangle> = triangles.iter().copied().chain(Rng::new(4).triangles(600)).collect();
+    mixed.extend_from_within(..50);
+    let mixed_tree = Bvh::from_device(&crate::build::sah_binned(&mixed)).unwrap();
+    for (triangles, tree) in [(&triangles, &tree), (&mixed, &mixed_tree)] {
+        let exact = value(tree, triangles, &MODEL);
+        let walk = Walk::new(tree, triangles.len(), &MODEL);
+        let mut groups = groups(triangles, &walk);
+        groups.sort_unstable_by_key(|group| group.ranks[0]);
+        let sample = Sample::new(&walk, &groups);
+        let watch = Watch::new(u64::MAX, &|_| ControlFlow::Continue(()));
+        let estimates: Vec<[f64; 2]> =
+            (0..100).map(|seed| estimate(&sample.draw(LEAST_STRATA, seed, &watch).unwrap())).collect();
+        let covering = |value: f64| estimates.iter().filter(|[mean, error]| (mean - value).abs() <= *error).count();
+        assert!((88..=100).contains(&covering(exact)), "{} of 100 cover {exact}", covering(exact));
+        // An estimate that is off by a fifth would be noticed.
+        assert!(covering(1.2 * exact) < 20 && covering(0.8 * exact) < 20, "{estimates:?}");
+        let mean = estimates.iter().map(|[mean, _]| mean).sum::<f64>() / 100.0;
+        assert!((mean / exact - 1.0).abs() < 0.02, "{mean} on average, {exact} is right");
+    }
+}
+
+#[test]
+fn twenty_thousand_diagonals_end_in_bounded_work() {
+    let n = 20_000;
+    let (triangles, tree) = diagonals(n, 5);
+    let most = AtomicU64::new(0);
+    let budget = epo_budget(n);
+    assert!(budget < 70 * 15 * n as u64);
+    let calls = AtomicU64::new(0);
+    let observe = |progress: EpoProgress| {
+        calls.fetch_add(1, Relaxed);
+        assert!(progress.done <= progress.of);
+        if !progress.is_sampled {
+            most.fetch_max(progress.done, Relaxed);
+        }
+        ControlFlow::Continue(())
+    };
+    let epo = epo_watched(&tree, &triangles, &MODEL, budget, &observe).unwrap();
+    // All pairs would be 800 million. A walk is 40,000 tests at most, so the sample takes so many more.
+    assert!(!epo.is_exact() && epo.tests < 2 * budget, "{epo:?}");
+    assert!(calls.load(Relaxed) > 100 && most.load(Relaxed) < n as u64 / 10, "{calls:?} calls, {most:?} triangles");
+    assert!(epo.error < 0.1 * epo.value, "{epo:?}");
+}
+
+#[test]
+fn it_can_be_cancelled_at_any_time() {
+    let (triangles, tree) = diagonals(2000, 6);
+    for (is_sampled, budget) in [(false, u64::MAX), (true, 1)] {
+        let observe = |progress: EpoProgress| {
+            if progress.is_sampled == is_sampled { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        assert_eq!(epo_watched(&tree, &triangles, &MODEL, budget, &observe), None, "{is_sampled}");
+    }
 }
 
 #[test]
 fn nothing_of_no_area_counts() {
     let point = Triangle { a: [1.0; 3], b: [1.0; 3], c: [1.0; 3] };
-    assert_eq!(epo(&two_leaves(&[point; 2], &[0], &[1]), &[point; 2], &MODEL), 0.0);
+    assert_eq!(value(&two_leaves(&[point; 2], &[0], &[1]), &[point; 2], &MODEL), 0.0);
     let (triangles, tree) = tree(1, 3);
-    assert_eq!(epo(&tree, &triangles, &MODEL), 0.0);
+    assert_eq!(value(&tree, &triangles, &MODEL), 0.0);
 }
 
 #[test]
@@ -96,7 +201,7 @@ fn scale_does_not_matter() {
         let triangles: Vec<_> =
             triangles.iter().map(|t| Triangle { a: work(t.a), b: work(t.b), c: work(t.c) }).collect();
         let tree = Bvh::from_device(&nodes).unwrap().with_boxes_of(&triangles);
-        epo(&tree, &triangles, &MODEL)
+        value(&tree, &triangles, &MODEL)
     };
     let expected = at(1.0);
     assert!(expected > 1.0);
@@ -193,7 +298,7 @@ proptest! {
     #[test]
     fn it_is_what_brute_force_finds(n in 1usize..40, seed: u64, grid: bool) {
         let (triangles, tree) = if grid { on_a_grid(n, &mut Rng::new(seed)) } else { tree(n, seed) };
-        let (have, need) = (epo(&tree, &triangles, &MODEL), naive(&tree, &triangles, &MODEL));
+        let (have, need) = (value(&tree, &triangles, &MODEL), naive(&tree, &triangles, &MODEL));
         prop_assert!((have - need).abs() <= 1e-12 * need.max(1.0), "{have} instead of {need}");
     }
 
@@ -204,25 +309,25 @@ proptest! {
         (distinct.min(n)..n).for_each(|k| triangles[k] = triangles[k % distinct.min(n)]);
         let (_, nodes) = device_tree(n, &mut rng);
         let tree = Bvh::from_device(&nodes).unwrap().with_boxes_of(&triangles);
-        let (have, need) = (epo(&tree, &triangles, &MODEL), naive(&tree, &triangles, &MODEL));
+        let (have, need) = (value(&tree, &triangles, &MODEL), naive(&tree, &triangles, &MODEL));
         prop_assert!((have - need).abs() <= 1e-12 * need.max(1.0), "{have} instead of {need}");
     }
 
     #[test]
     fn numbering_and_threads_do_not_change_a_bit(n in 1usize..60, seed: u64) {
         let (triangles, tree) = tree(n, seed);
-        let value = epo(&tree, &triangles, &MODEL);
-        prop_assert_eq!(value, epo(&renumbered(&tree, &mut Rng::new(seed)), &triangles, &MODEL));
+        let before = value(&tree, &triangles, &MODEL);
+        prop_assert_eq!(before, value(&renumbered(&tree, &mut Rng::new(seed)), &triangles, &MODEL));
     }
 
     #[test]
     fn a_planted_swap_of_two_triangles_is_seen(n in 3usize..40, seed: u64) {
         // The boxes stay, two triangles change places: neither lies where its leaf is.
         let (triangles, mut tree) = tree(n, seed);
-        let value = epo(&tree, &triangles, &MODEL);
+        let before = value(&tree, &triangles, &MODEL);
         tree.triangle_order.swap(0, 1);
         let area = |t: u32| polygon_area(&corners(&triangles[t as usize]));
         prop_assume!(tree.triangle_order[..2].iter().all(|&t| area(t) > 1e-3));
-        prop_assert_ne!(value, epo(&tree, &triangles, &MODEL));
+        prop_assert_ne!(before, value(&tree, &triangles, &MODEL));
     }
 }
