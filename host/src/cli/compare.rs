@@ -4,7 +4,7 @@ use super::compare_args::{CompareArgs, DevicesChoice, PeerArgs};
 use super::interrupt::Interrupt;
 use super::log::Log;
 use super::optimize::{DEFAULT_COLUMNS, check_folder};
-use super::{load_scene, print, print_error};
+use super::{check_max_depth, load_scene, print, print_error};
 use anyhow::Context;
 use prbvh::compare::peers::{self, ServeError};
 use prbvh::compare::{self, CompareSettings, Comparison, MethodRow, NOT_RUN, PeerHost, Step};
@@ -31,6 +31,7 @@ pub(super) fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<ExitCode> {
     );
     let scenes: Vec<Scene> =
         args.scenes.iter().map(|path| load_scene(path, triangles(path))).collect::<anyhow::Result<_>>()?;
+    scenes.iter().try_for_each(|scene| check_max_depth(args.max_depth, scene).context(scene.name.clone()))?;
     if let Some(folder) = &args.out {
         check_folder(folder)?;
     }
@@ -38,6 +39,7 @@ pub(super) fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<ExitCode> {
         jobs,
         repeat: args.repeat,
         threads: args.threads,
+        max_depth: args.max_depth,
         rays: args.rays(),
         up: args.up as usize,
         pictures: args.out.is_some(),

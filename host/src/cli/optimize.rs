@@ -3,11 +3,11 @@
 use super::args::OptimizeArgs;
 use super::interrupt::Interrupt;
 use super::log::Log;
-use super::{load_scene, print};
+use super::{check_max_depth, load_scene, print};
 use anyhow::Context;
 use clap::ValueEnum;
 use prbvh::accuracy::{self, AccuracyReport, NumericsCheck};
-use prbvh::bvh::{self, SahModel};
+use prbvh::bvh::{self, DepthBound, SAH_BUDGET, SahModel};
 use prbvh::device::{self, Device};
 use prbvh::optimize::{Epsilon, IterationRow, Limits, Order, StopReason};
 use prbvh::pipeline::{self, Initial, Optimized, Optimizer, Settings};
@@ -27,6 +27,7 @@ pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
     let interrupt = Interrupt::listen();
     let mut device = device::open(args.device, args.threads, args.validate)?;
     let scene = load_scene(&args.scene, args.triangles)?;
+    check_max_depth(settings.max_depth, &scene)?;
     let known = known_cost(&scene)?;
     args.target.apply(&mut settings, &scene, known.as_ref())?;
     if let Some(folder) = &args.out {
@@ -55,6 +56,9 @@ pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
     };
     log.end_bar();
     let result = result?;
+    if let Some(bound) = &result.bound {
+        tell(bound);
+    }
     let mut report = report(args, &scene, &*device, &settings, &result);
     report.set_reference(known.as_ref());
     report.accuracy = check.map(NumericsCheck::finish).transpose()?;
@@ -76,6 +80,20 @@ pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
     }
     judge(report.accuracy.as_ref())?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Says what the bound on the depth changed, louder where it costs something.
+fn tell(bound: &DepthBound) {
+    const WORTH_A_WARNING: f64 = 0.01;
+    let DepthBound { max_depth, .. } = bound;
+    if bound.rise() > SAH_BUDGET {
+        let budget = 100.0 * SAH_BUDGET;
+        tracing::warn!("--max-depth {max_depth} costs more than {budget:.0} %: {bound}; a larger one costs less");
+    } else if bound.rise() > WORTH_A_WARNING {
+        tracing::warn!("--max-depth {max_depth}: {bound}");
+    } else {
+        tracing::info!("--max-depth {max_depth}: {bound}");
+    }
 }
 
 /// # Errors
@@ -148,6 +166,7 @@ fn report(
         adaptive_cost: result.adaptive.map(|quality| quality.sah_cost),
         leaves: handed_out.leaves,
         depth: handed_out.max_depth,
+        bound: result.bound,
         iterations,
         time_s: result.optimize_s,
         tree_hash: bvh::tree_hash(&result.tree),
@@ -172,6 +191,7 @@ fn report(
             worst_first: (settings.prbvh.order == Order::WorstFirst).then_some(settings.prbvh.worst_first),
             optimizer: settings.optimizer.to_string(),
             fold_duplicates: settings.fold_duplicates,
+            max_depth: settings.max_depth,
             rbvh: match &settings.optimizer {
                 Optimizer::Rbvh(settings) => Some(settings.clone()),
                 _ => None,

@@ -2,7 +2,7 @@
 
 use super::args::OptimizeArgs;
 use super::optimize::DEFAULT_COLUMNS;
-use super::{load_scene, print};
+use super::{check_max_depth, load_scene, print};
 use anyhow::Context;
 use clap::Args;
 use prbvh::device::{self, Device};
@@ -39,6 +39,7 @@ pub(super) fn run(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     let mut plans = Vec::new();
     let mut jsons = Vec::new();
     let mut add = |scene: &Scene| -> anyhow::Result<()> {
+        check_max_depth(settings.max_depth, scene)?;
         let plan = Plan::of(scene, device.info(), &settings, &[])?;
         if optimize.json {
             jsons.push(to_json(scene, &plan, &*device));
@@ -71,6 +72,7 @@ pub(super) fn run(args: &PlanArgs) -> anyhow::Result<ExitCode> {
 /// One scene, with its census, its phases, and why each decision is as it is.
 fn one(args: &OptimizeArgs, device: &dyn Device, settings: &Settings) -> anyhow::Result<ExitCode> {
     let scene = load_scene(&args.scene, args.triangles)?;
+    check_max_depth(settings.max_depth, &scene)?;
     let plan = Plan::of(&scene, device.info(), settings, &[])?;
     if args.json {
         print(&serde_json::to_string_pretty(&to_json(&scene, &plan, device)).context("plan as JSON")?);

@@ -29,7 +29,7 @@ pub(super) enum Cell {
 }
 
 /// From left to right, after the method.
-pub(super) const COLUMNS: [Column; 20] = [
+pub(super) const COLUMNS: [Column; 21] = [
     Column {
         name: "µ",
         unit: "",
@@ -137,6 +137,13 @@ pub(super) const COLUMNS: [Column; 20] = [
         meaning: "Most steps from the root to a leaf, with one triangle in each leaf. A deep tree needs a larger stack.",
         better: Better::Less,
         cell: Cell::Number(|row, _| row.depth.map(Into::into), whole),
+    },
+    Column {
+        name: "stack",
+        unit: "",
+        meaning: "Entries that the stack of a ray needs in the tree with adaptive leaves, if the nearer child is visited first and the farther one waits: the most over all rays. Stacks of 64 are usual.",
+        better: Better::Less,
+        cell: Cell::Number(|row, _| row.stack.map(Into::into), whole),
     },
     Column {
         name: "EPO",
