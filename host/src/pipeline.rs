@@ -1,14 +1,17 @@
-//! From a scene to its best tree: safe range, initial tree, optimiser, adaptive leaves, original boxes, validation.
+//! From a scene to its best tree: safe range, initial tree, optimiser, original boxes, validation, bound on the depth, adaptive leaves.
 
 mod feature;
 mod hand_out;
+mod initial;
 mod on_host;
 
 pub use feature::FeatureOff;
-use hand_out::{hand_out, hand_out_collapsed, upload_unfolded};
+use hand_out::{bounded, hand_out, hand_out_collapsed, upload_whole};
+pub use initial::Initial;
+use initial::initial_tree;
 
-use crate::build::{self, Codes, DeviceTree, MortonBits, TreeOfFileError, TreeletSize};
-use crate::bvh::{self, Bvh, EncodeError, Quality, SahModel, TreeFault};
+use crate::build::{MortonBits, TreeOfFileError};
+use crate::bvh::{self, Bvh, DepthBound, EncodeError, MaxDepth, Quality, SahModel, TooShallow, TreeFault};
 use crate::collapse::{CollapseError, CollapseSettings, check_settings};
 use crate::device::{Device, DeviceError, Lease, Timing, Watched, on_host};
 use crate::fold::{unfold_rows, unfolded_row};
@@ -16,77 +19,12 @@ use crate::optimize::{CurrentTree, IterationRow, Limits, Outcome, PrbvhSettings,
 use crate::plan::{Plan, PlanMismatch};
 use crate::scene::{SafeRange, Scene};
 use prbvh_kernel::Kernel;
-use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::fmt;
-use std::num::NonZeroU32;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
 use std::time::Instant;
-
-/// Where the initial tree comes from.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Initial {
-    /// LBVH (Karras 2012), on the device.
-    #[default]
-    Lbvh,
-    /// PLOC (Meister & Bittner 2017), on the device.
-    Ploc {
-        /// Places in the Morton order that a cluster looks to either side for its nearest neighbour.
-        radius: NonZeroU32,
-    },
-    /// ATRBVH (Domingues & Pedrini 2015), on the device; only with the cargo feature `atrbvh`.
-    Atrbvh {
-        /// Leaves of a treelet.
-        treelet: TreeletSize,
-    },
-    /// Full-sweep SAH, on the CPU.
-    SahSweep,
-    /// Binned SAH (Wald 2007), on the CPU.
-    SahBinned,
-    /// A `tree.bvh` over the same scene with one triangle per leaf.
-    File(PathBuf),
-}
-
-impl Initial {
-    /// Whether it is built from Morton codes.
-    pub(crate) fn has_codes(&self) -> bool {
-        matches!(self, Self::Lbvh | Self::Ploc { .. } | Self::Atrbvh { .. })
-    }
-
-    /// As on the command line, but no path.
-    pub(crate) fn method(&self) -> String {
-        if let Self::File(_) = self { "tree file".to_owned() } else { self.to_string() }
-    }
-
-    /// Whether this program has the builder.
-    ///
-    /// # Errors
-    /// If a cargo feature left it out.
-    pub fn check(&self) -> Result<(), FeatureOff> {
-        match self {
-            Self::Atrbvh { .. } if !cfg!(feature = "atrbvh") => Err(FeatureOff { method: "atrbvh", feature: "atrbvh" }),
-            _ => Ok(()),
-        }
-    }
-}
-
-/// As on the command line: `lbvh`, `ploc`, `atrbvh`, `sah-sweep`, `sah-binned`, or the path of the file.
-impl fmt::Display for Initial {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Lbvh => f.write_str("lbvh"),
-            Self::Ploc { .. } => f.write_str("ploc"),
-            Self::Atrbvh { .. } => f.write_str("atrbvh"),
-            Self::SahSweep => f.write_str("sah-sweep"),
-            Self::SahBinned => f.write_str("sah-binned"),
-            Self::File(path) => path.display().fmt(f),
-        }
-    }
-}
 
 /// What makes the initial tree better.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -128,6 +66,9 @@ pub struct Settings {
     /// Triangles of equal boxes are one reference while the tree is built and optimised: faster, another tree of about the same cost. Not
     /// for trees that nothing optimises or that come from a file.
     pub fold_duplicates: bool,
+    /// Most links between the root and a leaf of the tree handed out, counted with one triangle per leaf: adaptive leaves, which come after
+    /// it, only make it shallower.
+    pub max_depth: MaxDepth,
 }
 
 impl Settings {
@@ -156,8 +97,10 @@ pub struct Optimized {
     pub tree: Bvh,
     /// Quality of the initial tree, in f64.
     pub initial: Quality,
-    /// Quality of the best tree with one triangle per leaf, which is what was optimised, in f64.
+    /// Quality of the best tree with one triangle per leaf, which is what was optimised, its depth bounded, in f64.
     pub quality: Quality,
+    /// What the bound on the depth changed; none where the tree was within it.
+    pub bound: Option<DepthBound>,
     /// Quality of the best tree with adaptive leaves by the costs that made them, in f64.
     pub adaptive: Option<Quality>,
     /// Iterations and times of the optimiser.
@@ -166,7 +109,7 @@ pub struct Optimized {
     pub build_s: f64,
     /// Times of the initial tree's stages.
     pub build_timings: Vec<Timing>,
-    /// Wall time of the optimiser, seconds.
+    /// Wall time of the optimiser and of bounding the depth, seconds.
     pub optimize_s: f64,
     /// Times of the collapse; none if it was left out.
     pub collapse_timings: Vec<Timing>,
@@ -174,6 +117,14 @@ pub struct Optimized {
     pub plan: Plan,
     /// Kernels that ran; [`Plan::unplanned`] has none of them.
     pub ran: BTreeSet<Kernel>,
+}
+
+impl Optimized {
+    /// SAH cost of the best tree as the optimiser left it, before its depth was bounded, in f64.
+    #[must_use]
+    pub fn optimized_cost(&self) -> f64 {
+        self.bound.map_or(self.quality.sah_cost, |bound| bound.cost_before)
+    }
 }
 
 /// Why there is no tree.
@@ -192,6 +143,9 @@ pub enum PipelineError {
     /// No leaf could be made of a subtree.
     #[error(transparent)]
     Collapse(#[from] CollapseError),
+    /// No tree over so many triangles is within the bound on the depth.
+    #[error("max_depth: {0}")]
+    MaxDepth(#[from] TooShallow),
     /// An unfolded tree has no form on the device.
     #[error(transparent)]
     Encode(#[from] EncodeError),
@@ -221,7 +175,7 @@ pub fn optimize(
     settings: &Settings,
     observe: &mut dyn FnMut(&IterationRow) -> ControlFlow<()>,
 ) -> Result<Optimized, PipelineError> {
-    settings.initial.check()?;
+    check(scene, settings)?;
     let plan = Plan::of(scene, device.info(), settings, &[])?;
     optimize_by(plan, scene, device, settings, observe)
 }
@@ -263,8 +217,7 @@ fn run(
     row_by_row: bool,
     observe: &mut dyn FnMut(&IterationRow, CurrentTree<'_>) -> ControlFlow<()>,
 ) -> Result<Optimized, PipelineError> {
-    settings.initial.check()?;
-    settings.adaptive.as_ref().map_or(Ok(()), check_settings)?;
+    check(scene, settings)?;
     plan.check_purpose(scene, settings)?;
     plan.check(device.info())?;
     let mut lease = Lease::new(device);
@@ -318,6 +271,9 @@ fn run(
         Some(built) => (built, initial),
         None => hand_out((&tree, fold.as_deref()), scene, device, "optimiser")?,
     };
+    let start = Instant::now();
+    let (best, quality, bound) = bounded((best, quality), scene, device, settings.max_depth)?;
+    let optimize_s = optimize_s + start.elapsed().as_secs_f64();
     if fold.is_some() {
         unfold_rows(&mut outcome.rows, added);
     }
@@ -328,10 +284,10 @@ fn run(
             (best, Some(measured), Vec::new())
         }
         Some(settings) => {
-            if fold.is_some() {
-                // The collapse counts triangles.
+            if fold.is_some() || bound.is_some() {
+                // The collapse counts triangles, and the device has not seen the bound.
                 tree.free(device);
-                tree = upload_unfolded(best, scene, device)?;
+                tree = upload_whole(best, scene, device)?;
             } else {
                 drop(best);
             }
@@ -344,6 +300,7 @@ fn run(
         tree: handed_out,
         initial,
         quality,
+        bound,
         adaptive,
         outcome,
         build_s,
@@ -355,37 +312,15 @@ fn run(
     })
 }
 
+/// Refuses what cannot be done, before anything is.
+fn check(scene: &Scene, settings: &Settings) -> Result<(), PipelineError> {
+    settings.initial.check()?;
+    settings.max_depth.check(scene.triangles.len())?;
+    settings.adaptive.as_ref().map_or(Ok(()), check_settings)?;
+    Ok(())
+}
+
 /// The scene in working coordinates.
 fn working_triangles(scene: &Scene, device: &dyn Device) -> Vec<Triangle> {
     on_host(device, || SafeRange::of(&scene.triangles).apply(&scene.triangles))
-}
-
-/// The tree to start from, on the device, and the times of its stages.
-fn initial_tree(
-    scene: &Scene,
-    working: Vec<Triangle>,
-    device: &mut dyn Device,
-    (initial, codes): (&Initial, Codes),
-) -> Result<(DeviceTree, Vec<Timing>), PipelineError> {
-    let start = Instant::now();
-    let (label, nodes): (_, Vec<Node>) = match initial {
-        Initial::Lbvh => return Ok(build::lbvh(device, working, codes)?),
-        Initial::Ploc { radius } => {
-            let (tree, timings, _) = build::ploc(device, working, codes, *radius)?;
-            return Ok((tree, timings));
-        }
-        #[cfg(feature = "atrbvh")]
-        Initial::Atrbvh { treelet } => {
-            let (tree, timings, _) = build::atrbvh(device, working, codes, *treelet)?;
-            return Ok((tree, timings));
-        }
-        #[cfg(not(feature = "atrbvh"))]
-        Initial::Atrbvh { .. } => return Err(FeatureOff { method: "atrbvh", feature: "atrbvh" }.into()),
-        Initial::SahSweep => ("sah sweep", on_host(device, || build::sah_sweep(&working))),
-        Initial::SahBinned => ("sah binned", on_host(device, || build::sah_binned(&working))),
-        Initial::File(path) => ("read tree", build::from_file(path, scene, &working)?),
-    };
-    drop(working);
-    let timing = Timing { label, seconds: start.elapsed().as_secs_f64() };
-    Ok((DeviceTree::upload(device, &nodes)?, vec![timing]))
 }

@@ -284,6 +284,8 @@ fn row(
         box_tests: Some(0.31 * cost),
         triangle_tests: Some(0.021 * cost + 3.0),
         depth: Some(24 + (40.0 * chance(&[seed, m, 7])) as u32),
+        stack: Some(22 + (38.0 * chance(&[seed, m, 7])) as u32),
+        bound: None,
         epo: Some(0.04 * cost * chance(&[seed, m, 8])),
         epo_error: Some(0.0),
         bytes: (!on_host).then_some(u64::from(triangles) * (100 + 12 * m)),

@@ -259,6 +259,7 @@ fn help_and_version_go_to_stdout() {
         "--epsilon",
         "--max-time",
         "--max-iterations",
+        "--max-depth",
         "--device",
         "--threads",
         "--out",

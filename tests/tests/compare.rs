@@ -1,5 +1,6 @@
 //! `prbvh compare` as a user runs it.
 
+use prbvh::bvh::MaxDepth;
 use prbvh::compare::{CompareSettings, MethodSettings, RaySettings, compare as compare_scenes, jobs};
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{self, Buffer, Device, DeviceError};
@@ -198,6 +199,7 @@ fn a_method_that_fails_on_a_device_is_a_row_and_leaves_no_buffers() {
         jobs: jobs(&names, &methods).unwrap(),
         repeat: 2,
         threads: 1,
+        max_depth: MaxDepth::default(),
         rays: Some(rays),
         up: 1,
         pictures: true,

@@ -103,6 +103,16 @@ pub enum TreeFault {
         /// The node.
         node: u32,
     },
+    /// A leaf lies deeper than a tree may reach ([`MaxDepth`](super::MaxDepth)).
+    #[error("leaf {node} is {depth} links below the root, {max_depth} are allowed")]
+    TooDeep {
+        /// The leaf.
+        node: u32,
+        /// Its links to the root.
+        depth: u32,
+        /// Links that are allowed.
+        max_depth: u32,
+    },
     /// A leaf without triangles.
     #[error("leaf {node} is empty")]
     EmptyLeaf {

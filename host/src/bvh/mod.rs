@@ -1,4 +1,4 @@
-//! The tree handed out: decoding, validation, refit, quality, hash and file.
+//! The tree handed out: decoding, validation, refit, quality, depth, hash and file.
 //!
 //! | step | function |
 //! |---|---|
@@ -7,12 +7,14 @@
 //! | boxes of the original triangles | [`Bvh::with_boxes_of`] |
 //! | is it right? | [`validate`] |
 //! | is it good? | [`quality()`], [`epo()`] |
+//! | is it too deep? | [`bound_depth`] |
 //! | is it the same? | [`tree_hash`] |
 //! | keep it | [`file::write`], [`file::read`] |
 //!
 //! All walks use a stack of their own on the heap: a tree may be as deep as it has triangles.
 
 mod decode;
+mod depth;
 mod encode;
 mod epo;
 mod fault;
@@ -26,6 +28,7 @@ pub(crate) mod testing;
 mod validate;
 
 pub(crate) use decode::Decoder;
+pub use depth::{DepthBound, MaxDepth, NoMaxDepth, SAH_BUDGET, TooShallow, bound_depth};
 pub use encode::EncodeError;
 pub use epo::{Epo, EpoProgress, epo, epo_budget, epo_watched};
 pub use fault::{Link, TreeFault, summary};

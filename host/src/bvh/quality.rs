@@ -1,4 +1,4 @@
-//! How good a tree is: SAH cost and depth, in f64, for any tree over any triangles.
+//! How good a tree is: SAH cost, in f64, depth and stack, for any tree over any triangles.
 
 use super::{Bvh, Content, ROOT};
 use prbvh_kernel::aabb::Aabb;
@@ -31,6 +31,13 @@ pub struct Quality {
     pub sah_cost: f64,
     /// Most links between the root and a leaf.
     pub max_depth: u32,
+    /// Entries that the stack of an ordered traversal needs: of a node whose boxes of both children a ray enters, the nearer child is
+    /// visited next, and a reference to the farther one, a leaf or not, waits on the stack (Aila & Laine 2009; the kernels `trace_*`).
+    ///
+    /// The most over all rays, where either child may be the nearer one at each node: the most internal nodes on a way from the root to a
+    /// leaf, for at each of them one entry may wait. That is [`Quality::max_depth`], and no order of visits needs more. A traversal that
+    /// pushes both children and takes one off again needs one more, and so does one with a mark at the bottom.
+    pub stack: u32,
     /// Mean number of links between the root and a leaf.
     pub mean_leaf_depth: f64,
     /// Nodes, leaves included.
@@ -63,6 +70,8 @@ pub fn quality(tree: &Bvh, model: &SahModel) -> Quality {
         match node.content {
             Content::Internal { left, right } => {
                 internal += ratio(&node.aabb);
+                // One for each internal node above, and its own.
+                measured.stack = measured.stack.max(depth + 1);
                 stack.push((right, depth + 1));
                 stack.push((left, depth + 1));
             }
@@ -81,7 +90,7 @@ pub fn quality(tree: &Bvh, model: &SahModel) -> Quality {
 }
 
 /// Half the surface area, scene units². Extents of the largest f32 give 1e78: no overflow.
-fn half_area(aabb: &Aabb) -> f64 {
+pub(super) fn half_area(aabb: &Aabb) -> f64 {
     let [dx, dy, dz] = std::array::from_fn(|k| f64::from(aabb.max[k]) - f64::from(aabb.min[k]));
     dx * dy + dy * dz + dz * dx
 }
@@ -119,6 +128,38 @@ mod tests {
     fn a_single_leaf_costs_one_test() {
         let measured = quality(&tree(1, 4).1, &SahModel::default());
         assert_eq!((measured.sah_cost, measured.max_depth, measured.mean_leaf_depth), (2.0, 0, 0.0));
+    }
+
+    /// The most entries of an ordered traversal, by trying both orders at every internal node: `first` has a bit for each.
+    fn most_entries(tree: &Bvh) -> u32 {
+        let internal = tree.nodes.len() / 2;
+        let entries = |first: u32| {
+            let (mut stack, mut most) = (Vec::new(), 0);
+            let mut next = Some(ROOT);
+            while let Some(v) = next {
+                next = match tree.nodes[v as usize].content {
+                    Content::Internal { left, right } => {
+                        let (near, far) = if first >> v & 1 == 0 { (left, right) } else { (right, left) };
+                        stack.push(far);
+                        most = most.max(stack.len() as u32);
+                        Some(near)
+                    }
+                    Content::Leaf { .. } => stack.pop(),
+                };
+            }
+            most
+        };
+        (0..1 << internal).map(entries).max().unwrap_or(0)
+    }
+
+    #[test]
+    fn some_ray_fills_the_stack_and_none_needs_more() {
+        for seed in 0..40 {
+            let (_, tree) = tree(1 + seed as usize % 9, seed);
+            let measured = quality(&tree, &SahModel::default());
+            assert_eq!(measured.stack, most_entries(&tree), "{tree:?}");
+            assert_eq!(measured.stack, measured.max_depth);
+        }
     }
 
     #[test]

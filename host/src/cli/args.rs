@@ -12,6 +12,7 @@ use super::target::TargetArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use prbvh::build::{DEFAULT_RADIUS, MortonBits, TreeletSize};
+use prbvh::bvh::MaxDepth;
 use prbvh::device::DeviceChoice;
 use prbvh::optimize::{Epsilon, Order, PrbvhSettings, Strategy};
 use prbvh::pipeline::{Initial, Settings};
@@ -104,6 +105,9 @@ pub(super) struct OptimizeArgs {
     /// Take triangles of equal boxes for one until the tree is optimised: faster, another tree of about the same cost.
     #[arg(long)]
     pub(super) fold_duplicates: bool,
+    /// Most levels below the root, with one triangle per leaf: what is deeper is built anew; off: no bound.
+    #[arg(long, value_name = "LEVELS|off", default_value_t, allow_negative_numbers = true)]
+    pub(super) max_depth: MaxDepth,
     #[command(flatten)]
     pub(super) leaves: LeavesArgs,
     /// auto, cpu, vulkan or vulkan:N.
@@ -172,6 +176,7 @@ impl OptimizeArgs {
             },
             adaptive: self.leaves.settings(),
             fold_duplicates: self.fold_duplicates,
+            max_depth: self.max_depth,
         };
         let mut settings = match self.preset {
             Some(preset) => preset.apply(asked),

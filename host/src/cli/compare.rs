@@ -7,7 +7,7 @@ use super::optimize::DEFAULT_COLUMNS;
 use super::out_folder::OutFolder;
 use super::overwrite::{outputs_in, refuse_overwrite};
 use super::stdout::print;
-use super::{load_scene, print_error};
+use super::{check_max_depth, load_scene, print_error};
 use anyhow::Context;
 use prbvh::compare::peers::{self, ServeError};
 use prbvh::compare::{self, CompareSettings, Comparison, MethodRow, NOT_RUN, PeerHost, Step};
@@ -38,11 +38,13 @@ pub(super) fn run(args: &CompareArgs, log: &Log, interrupt: &Interrupt) -> anyho
     );
     let scenes: Vec<Scene> =
         args.scenes.iter().map(|path| load_scene(path, triangles(path))).collect::<anyhow::Result<_>>()?;
+    scenes.iter().try_for_each(|scene| check_max_depth(args.max_depth, scene).context(scene.name.clone()))?;
     let folder = args.out.as_deref().map(OutFolder::open).transpose()?;
     let settings = CompareSettings {
         jobs,
         repeat: args.repeat,
         threads: args.threads,
+        max_depth: args.max_depth,
         rays: args.rays(),
         up: args.up as usize,
         pictures: args.out.is_some(),

@@ -3,6 +3,7 @@
 use super::args::{BUILT_IN, not_negative, threads};
 use super::render_args::{AxisArg, size};
 use clap::{Args, ValueEnum};
+use prbvh::bvh::MaxDepth;
 use prbvh::compare::{MethodSettings, PAPER_RADIUS, RaySettings};
 use prbvh::device::DeviceChoice;
 use std::num::NonZeroU32;
@@ -26,6 +27,9 @@ pub(super) struct CompareArgs {
     /// Places in the Morton order that a cluster of ploc looks to either side; the paper has 100.
     #[arg(long, value_name = "N", default_value_t = PAPER_RADIUS.get(), value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub(super) radius: u32,
+    /// Most levels below the root of trees that prbvh makes, with one triangle per leaf; off: no bound.
+    #[arg(long, value_name = "LEVELS|off", default_value_t, allow_negative_numbers = true)]
+    pub(super) max_depth: MaxDepth,
     /// auto, cpu, vulkan or vulkan:N, with commas between, or all: a row for each.
     #[arg(long, value_name = "DEVICES", value_delimiter = ',', default_value = "auto")]
     pub(super) device: Vec<DevicesChoice>,

@@ -24,10 +24,12 @@ mod stdout;
 mod summary;
 mod target;
 
+use anyhow::Context;
 use args::{BUILT_IN, Cli, Command, OptimizeArgs};
 use clap::Parser;
 use colour::Colour;
 use interrupt::Interrupt;
+use prbvh::bvh::MaxDepth;
 use prbvh::report::Machine;
 use prbvh::scene::{self, Scene};
 use std::io::{self, Write};
@@ -104,6 +106,11 @@ fn load_scene(path: &Path, triangles: Option<usize>) -> anyhow::Result<Scene> {
     }
     anyhow::ensure!(triangles.is_none(), "--triangles is for the built-in scene, not for {}", path.display());
     Ok(scene::load(path)?)
+}
+
+/// Refuses a bound that no tree over the scene is within.
+fn check_max_depth(max_depth: MaxDepth, scene: &Scene) -> anyhow::Result<()> {
+    max_depth.check(scene.triangles.len()).with_context(|| format!("--max-depth {max_depth}"))
 }
 
 /// Size of the built-in scene that fits the machine's memory, trees and copies included.

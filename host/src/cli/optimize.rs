@@ -4,6 +4,7 @@ use super::args::OptimizeArgs;
 use super::in_a_row;
 use super::interrupt::{Held, Interrupt};
 use super::log::Log;
+use super::check_max_depth;
 use super::out_folder::OutFolder;
 use super::overwrite::refuse_overwrite;
 use super::scenes::Named;
@@ -11,7 +12,7 @@ use super::stdout::print;
 use anyhow::Context;
 use clap::ValueEnum;
 use prbvh::accuracy::{self, AccuracyReport, NumericsCheck};
-use prbvh::bvh::{self, SahModel};
+use prbvh::bvh::{self, DepthBound, SAH_BUDGET, SahModel};
 use prbvh::device::{self, Device, Meter};
 use prbvh::optimize::{Epsilon, IterationRow, Limits, Order, StopReason};
 use prbvh::pipeline::{self, Initial, Optimized, Optimizer, Settings};
@@ -84,6 +85,7 @@ pub(super) fn settings_for(
     scene: &Scene,
 ) -> anyhow::Result<(Settings, Option<ReferenceCost>)> {
     let mut settings = settings.clone();
+    check_max_depth(settings.max_depth, scene)?;
     let known = known_cost(scene)?;
     args.target.apply(&mut settings, scene, known.as_ref())?;
     Ok((settings, known))
@@ -136,6 +138,9 @@ pub(super) fn optimized<'a>(
     };
     log.end_bar();
     let result = result?;
+    if let Some(bound) = &result.bound {
+        tell(bound);
+    }
     let mut report = report(args, scene, device, settings, &result);
     report.set_reference(known);
     report.accuracy = check.map(NumericsCheck::finish).transpose()?;
@@ -151,6 +156,20 @@ fn show(args: &OptimizeArgs, report: &RunReport) -> anyhow::Result<()> {
     match &report.accuracy {
         Some(accuracy) => print(accuracy::table(accuracy, columns).trim_end()),
         None => Ok(()),
+    }
+}
+
+/// Says what the bound on the depth changed, louder where it costs something.
+fn tell(bound: &DepthBound) {
+    const WORTH_A_WARNING: f64 = 0.01;
+    let DepthBound { max_depth, .. } = bound;
+    if bound.rise() > SAH_BUDGET {
+        let budget = 100.0 * SAH_BUDGET;
+        tracing::warn!("--max-depth {max_depth} costs more than {budget:.0} %: {bound}; a larger one costs less");
+    } else if bound.rise() > WORTH_A_WARNING {
+        tracing::warn!("--max-depth {max_depth}: {bound}");
+    } else {
+        tracing::info!("--max-depth {max_depth}: {bound}");
     }
 }
 
@@ -223,6 +242,7 @@ fn report(
         adaptive_cost: result.adaptive.map(|quality| quality.sah_cost),
         leaves: handed_out.leaves,
         depth: handed_out.max_depth,
+        bound: result.bound,
         iterations,
         time_s: result.optimize_s,
         tree_hash: bvh::tree_hash(&result.tree),
@@ -247,6 +267,7 @@ fn report(
             worst_first: (settings.prbvh.order == Order::WorstFirst).then_some(settings.prbvh.worst_first),
             optimizer: settings.optimizer.to_string(),
             fold_duplicates: settings.fold_duplicates,
+            max_depth: settings.max_depth,
             rbvh: match &settings.optimizer {
                 Optimizer::Rbvh(settings) => Some(settings.clone()),
                 _ => None,

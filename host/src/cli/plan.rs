@@ -2,6 +2,7 @@
 
 use super::args::OptimizeArgs;
 use super::optimize::DEFAULT_COLUMNS;
+use super::check_max_depth;
 use super::scenes::Named;
 use super::stdout::print;
 use anyhow::Context;
@@ -37,6 +38,7 @@ pub(super) fn run(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     let mut plans = Vec::new();
     let mut jsons = Vec::new();
     let mut add = |scene: &Scene| -> anyhow::Result<()> {
+        check_max_depth(settings.max_depth, scene)?;
         let plan = Plan::of(scene, device.info(), &settings, &[])?;
         if optimize.json {
             jsons.push(to_json(scene, &plan, &*device));
@@ -68,6 +70,7 @@ pub(super) fn run(args: &PlanArgs) -> anyhow::Result<ExitCode> {
 /// One scene, with its census, its phases, and why each decision is as it is.
 fn one(args: &OptimizeArgs, named: &Named, device: &dyn Device, settings: &Settings) -> anyhow::Result<ExitCode> {
     let scene = named.load()?;
+    check_max_depth(settings.max_depth, &scene)?;
     let plan = Plan::of(&scene, device.info(), settings, &[])?;
     if args.json {
         print(&serde_json::to_string_pretty(&to_json(&scene, &plan, device)).context("plan as JSON")?)?;

@@ -61,6 +61,7 @@ pub(super) fn run(args: &StatsArgs, log: &Log) -> anyhow::Result<ExitCode> {
             None => print("EPO          needs the triangles: --scene")?,
         }
         print(&format!("depth        {} (leaves {:.1} on average)", quality.max_depth, quality.mean_leaf_depth))?;
+        print(&format!("stack        {} entries of an ordered traversal", quality.stack))?;
         print(&format!("nodes        {}", quality.nodes))?;
         print(&format!("leaves       {}", quality.leaves))?;
         print(&format!("triangles    {}", quality.triangles))?;

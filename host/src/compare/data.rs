@@ -1,6 +1,7 @@
 //! What a comparison found: the rows of the table, and the runs behind the figures.
 
 use super::errors::{SceneErrors, TimesToError};
+use crate::bvh::DepthBound;
 use crate::device::DeviceInfo;
 use crate::optimize::IterationRow;
 use crate::report::{Machine, Phase, Program};
@@ -96,6 +97,12 @@ pub struct MethodRow {
     pub triangle_tests: Option<f64>,
     /// Most links between root and leaf, one triangle per leaf.
     pub depth: Option<u32>,
+    /// Entries that the stack of a ray needs ([`crate::bvh::Quality::stack`]), with adaptive leaves, which is what the rays trace.
+    #[serde(default)]
+    pub stack: Option<u32>,
+    /// What the bound on the depth changed; none where the tree was within it.
+    #[serde(default)]
+    pub bound: Option<DepthBound>,
     /// End-point overlap (Aila, Karras & Laine 2013) of the tree with one triangle per leaf, unitless.
     pub epo: Option<f64>,
     /// Half the width of its 95 % confidence interval, unitless; 0 where it is exact ([`crate::bvh::epo()`]).

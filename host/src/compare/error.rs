@@ -1,7 +1,7 @@
 //! Why a method has no row of numbers.
 
 use super::peers::PeerError;
-use crate::bvh::{self, EncodeError, TreeFault};
+use crate::bvh::{self, EncodeError, TooShallow, TreeFault};
 use crate::collapse::CollapseError;
 use crate::device::DeviceError;
 use crate::pipeline::PipelineError;
@@ -33,6 +33,9 @@ pub enum MethodError {
     /// What was made is no tree over the triangles.
     #[error("invalid tree: {}", bvh::summary(.0))]
     InvalidTree(Vec<TreeFault>),
+    /// No tree over so many triangles is within the bound on the depth.
+    #[error("max_depth: {0}")]
+    MaxDepth(#[from] TooShallow),
     /// A repetition made another tree.
     #[error("not deterministic: tree {second} in a repetition, {first} before")]
     OtherTree {

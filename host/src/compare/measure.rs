@@ -4,7 +4,7 @@ use super::methods::{Builder, HostBuilder, Job};
 use super::peers::{self, PeerError, PeerHost};
 use super::{MethodError, OptimizerRun, Purpose};
 use crate::build::DeviceTree;
-use crate::bvh::{self, Bvh, Quality, SahModel};
+use crate::bvh::{self, Bvh, DepthBound, MaxDepth, Quality, SahModel};
 use crate::collapse::{CollapseSettings, collapse};
 use crate::device::{Device, DeviceError, DeviceKind, Meter, Timing};
 use crate::optimize::{IterationRow, StopReason};
@@ -28,6 +28,8 @@ pub(super) struct Subject<'a> {
 pub(super) struct Host {
     /// Threads of what runs on the CPU; 0: one per core.
     pub(super) threads: usize,
+    /// Bound on the depth of trees of our own.
+    pub(super) max_depth: MaxDepth,
     /// How peers are run.
     pub(super) peers: Option<PeerHost>,
     /// Whether the comparison is to end.
@@ -39,6 +41,8 @@ pub(super) struct Host {
 pub(super) struct Made {
     pub(super) tree: Bvh,
     pub(super) quality: Quality,
+    /// What the bound on the depth changed.
+    pub(super) bound: Option<DepthBound>,
     pub(super) hash: String,
     /// Wall time from the triangles, seconds.
     pub(super) wall_s: f64,
@@ -60,9 +64,12 @@ impl<'a> Subject<'a> {
         let is_cpu = device.info().kind == DeviceKind::Cpu;
         let threads = u32::try_from(if is_cpu { host.threads } else { 0 }).unwrap_or(u32::MAX);
         let mut made = match &job.builder {
-            Builder::Pipeline(settings) => self.by_pipeline(settings, device, &host.stop)?,
+            Builder::Pipeline(settings) => {
+                let settings = Settings { max_depth: host.max_depth, ..Settings::clone(settings) };
+                self.by_pipeline(&settings, device, &host.stop)?
+            }
             Builder::Host { threads, build } => {
-                return self.on_host(job, threads.unwrap_or(host.threads), *build, &host.stop);
+                return self.on_host(job, threads.unwrap_or(host.threads), *build, host);
             }
             Builder::Peer(peer) => return self.by_peer(job, peer, host),
         };
@@ -94,21 +101,29 @@ impl<'a> Subject<'a> {
             plan: result.plan.lines(),
             ..run_of_builder(&result.quality, result.build_s)
         };
-        Ok(metered(&meter, result.tree, result.quality, result.build_s + result.optimize_s, run))
+        let made = metered(&meter, result.tree, result.quality, result.build_s + result.optimize_s, run);
+        Ok(Made { bound: result.bound, ..made })
     }
 
-    fn on_host(&self, job: &Job, threads: usize, build: HostBuilder, stop: &Stop) -> Result<Made, MethodError> {
+    fn on_host(&self, job: &Job, threads: usize, build: HostBuilder, host: &Host) -> Result<Made, MethodError> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
         let start = Instant::now();
-        let built = pool.install(|| build(&self.working, stop))?;
-        let wall_s = start.elapsed().as_secs_f64();
+        let built = pool.install(|| build(&self.working, &host.stop))?;
+        let mut wall_s = start.elapsed().as_secs_f64();
         let tree = Bvh::from_device(&built.nodes).map_err(MethodError::InvalidTree)?;
-        let (tree, quality) = checked(tree, self.scene)?;
+        let (mut tree, mut quality) = checked(tree, self.scene)?;
+        let start = Instant::now();
+        let bound = pool.install(|| bvh::bound_depth(&mut tree, host.max_depth, &SahModel::default()))?;
+        wall_s += start.elapsed().as_secs_f64();
+        if bound.is_some() {
+            (tree, quality) = checked(tree, self.scene)?;
+        }
         let mut run = run_of_builder(&quality, wall_s);
         if let Some((build_s, rows)) = built.optimizer {
             (run.build_s, run.rows) = (build_s, rows);
         }
-        Ok(self.by_others(job, "cpu (host)", threads, (tree, quality), wall_s, run))
+        let made = self.by_others(job, "cpu (host)", threads, (tree, quality), wall_s, run);
+        Ok(Made { bound, ..made })
     }
 
     fn by_peer(&self, job: &Job, peer: &str, host: &Host) -> Result<Made, MethodError> {
@@ -133,6 +148,7 @@ impl<'a> Subject<'a> {
             hash: bvh::tree_hash(&tree),
             tree,
             quality,
+            bound: None,
             wall_s,
             device_s: None,
             bytes: None,
@@ -179,6 +195,7 @@ fn metered(meter: &Meter<'_>, tree: Bvh, quality: Quality, wall_s: f64, run: Opt
         hash: bvh::tree_hash(&tree),
         tree,
         quality,
+        bound: None,
         wall_s,
         device_s: Some(meter.device_s()),
         bytes: Some(meter.memory().peak_bytes),

@@ -10,7 +10,7 @@ use super::slot::{SceneState, slots};
 use super::{
     Comparison, MethodRow, OptimizerRun, Purpose, RaySettings, SCHEMA, SceneComparison, against_rbvh, figures,
 };
-use crate::bvh::SahModel;
+use crate::bvh::{MaxDepth, SahModel};
 use crate::device::cpu::CpuDevice;
 use crate::device::{Device, DeviceError, Stoppable};
 use crate::reference::{ReferenceCost, ReferenceCosts};
@@ -28,6 +28,8 @@ pub struct CompareSettings {
     pub repeat: u32,
     /// Threads of what runs on the CPU but outside the devices; 0: one per core.
     pub threads: usize,
+    /// Most links between the root and a leaf of trees of our own, with one triangle per leaf. Trees of other libraries stay as they are.
+    pub max_depth: MaxDepth,
     /// The rays; none: nothing is traced.
     pub rays: Option<RaySettings>,
     /// Axis that points up, 0 to 2.
@@ -73,7 +75,12 @@ pub fn compare(
     observe: &mut dyn FnMut(&Step) -> ControlFlow<()>,
 ) -> Comparison {
     assert!(!devices.is_empty(), "a comparison needs a device");
-    let host = Host { threads: settings.threads, peers: settings.peers.clone(), stop: settings.stop.clone() };
+    let host = Host {
+        threads: settings.threads,
+        max_depth: settings.max_depth,
+        peers: settings.peers.clone(),
+        stop: settings.stop.clone(),
+    };
     warm_up(devices, settings, &host);
     let extra = if settings.figures { figures::jobs(&settings.jobs) } else { Vec::new() };
     let runner = Runner { settings, host: &host, extra: &extra };

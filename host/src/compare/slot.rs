@@ -6,7 +6,7 @@ use super::measure::{Host, Made, Subject};
 use super::methods::{Builder, Job};
 use super::rays::{Hits, Traced, Views, sees_nothing};
 use super::{MethodError, MethodRow, OptimizerRun, RayRates, RaySettings, median};
-use crate::bvh::{self, Epo, Quality, SahModel};
+use crate::bvh::{self, DepthBound, Epo, Quality, SahModel};
 use crate::device::Device;
 use crate::scene::Scene;
 
@@ -40,6 +40,7 @@ pub(super) struct Slot<'a> {
 struct First {
     hash: String,
     quality: Quality,
+    bound: Option<DepthBound>,
     adaptive: Option<Quality>,
     epo: Epo,
     bytes: Option<u64>,
@@ -172,6 +173,7 @@ impl Slot<'_> {
                 self.first = Some(First {
                     hash: made.hash.clone(),
                     quality: made.quality,
+                    bound: made.bound,
                     adaptive: None,
                     epo: bvh::epo(&made.tree, &scene.triangles, &SahModel::default()),
                     bytes: made.bytes,
@@ -212,6 +214,8 @@ impl Slot<'_> {
             build_s: median(&self.walls),
             device_s: median(&self.kernels),
             depth: first.map(|first| first.quality.max_depth),
+            stack: first.and_then(|first| first.adaptive).map(|quality| quality.stack),
+            bound: first.and_then(|first| first.bound),
             epo: first.map(|first| first.epo.value),
             epo_error: first.map(|first| first.epo.error),
             bytes: first.and_then(|first| first.bytes),

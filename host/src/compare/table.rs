@@ -26,9 +26,10 @@ const COLUMNS: &[Column] = &[
     number("box/ray", 12, |row| row.box_tests.map(format::significant)),
     number("tri/ray", 13, |row| row.triangle_tests.map(format::significant)),
     number("depth", 10, |row| row.depth.map(|depth| depth.to_string())),
+    number("stack", 14, |row| row.stack.map(|entries| entries.to_string())),
     number("EPO", 8, overlap),
     number("iter.", 11, |row| row.iterations.map(|iterations| format::count(iterations.into()))),
-    number("memory", 14, |row| row.bytes.map(format::bytes)),
+    number("memory", 15, |row| row.bytes.map(format::bytes)),
 ];
 
 const fn number(header: &'static str, rank: u32, cell: fn(&MethodRow) -> Option<String>) -> Column {
@@ -100,7 +101,8 @@ pub struct Note {
     pub is_fault: bool,
 }
 
-/// What the table does not say: rows that failed, PRBVH's cost as a part of the others', and its speed against RBVH.
+/// What the table does not say: rows that failed, trees that were too deep, PRBVH's cost as a part of the others', and its speed against
+/// RBVH.
 #[must_use]
 pub fn notes(scene: &SceneComparison) -> Vec<Note> {
     let note = |text| Note { text, is_fault: false };
@@ -108,6 +110,14 @@ pub fn notes(scene: &SceneComparison) -> Vec<Note> {
     for row in scene.rows.iter().filter(|row| row.status != "ok") {
         let text = format!("{} on {}: {}", name(row), row.device, row.status);
         notes.push(Note { text, is_fault: true });
+    }
+    for row in &scene.rows {
+        if let Some(bound) = row.bound {
+            let text = format!("{}, --max-depth {}: {bound}", name(row), bound.max_depth);
+            if notes.iter().all(|note| note.text != text) {
+                notes.push(note(text));
+            }
+        }
     }
     notes.extend(ratios(scene).map(note));
     let mut told = Vec::new();
@@ -151,6 +161,7 @@ fn ratios(scene: &SceneComparison) -> Option<String> {
 mod tests {
     use super::super::AgainstRbvh;
     use super::*;
+    use crate::bvh::DepthBound;
 
     fn scene() -> SceneComparison {
         let row = |method: &str, mu, device: &str, cost| MethodRow {
@@ -219,6 +230,29 @@ mod tests {
         (overlapping.rows[1].epo, overlapping.rows[1].epo_error) = (Some(56.78), Some(0.0));
         let text = table(&overlapping, 200);
         assert!(text.contains("12.3±0.57") && text.contains("56.8 "), "{text}");
+    }
+
+    #[test]
+    fn notes_tell_once_what_a_bound_on_the_depth_changed() {
+        let mut scene = scene();
+        let bound = DepthBound {
+            max_depth: 63,
+            depth_before: 80,
+            depth_after: 63,
+            cost_before: 100.0,
+            cost_after: 100.5,
+            subtrees: 1,
+            nodes: 20,
+        };
+        (scene.rows[0].bound, scene.rows[2].bound) = (Some(bound), Some(bound));
+        scene.rows.push(scene.rows[2].clone());
+        let notes = notes(&scene);
+        let told: Vec<&str> = notes
+            .iter()
+            .map(|note| &*note.text)
+            .filter(|text| text.contains("--max-depth 63: depth 80 to 63"))
+            .collect();
+        assert!(told.len() == 2 && told[0].starts_with("lbvh") && told[1].contains("(+0.50 %)"), "{told:?}");
     }
 
     #[test]

@@ -1,12 +1,12 @@
-//! Trees that leave a device: validated, in the boxes of the scene, measured.
+//! Trees that leave a device: validated, in the boxes of the scene, measured, of bounded depth.
 //!
 //! A whole run takes most memory here. So nothing is kept that is not needed: nodes come in pieces, links are made in place.
 
 use super::{PipelineError, working_triangles};
 use crate::build::DeviceTree;
-use crate::bvh::{self, Bvh, Quality, SahModel, TreeFault};
+use crate::bvh::{self, Bvh, DepthBound, MaxDepth, Quality, SahModel, TreeFault};
 use crate::collapse::{CollapseSettings, collapse};
-use crate::device::{Device, DeviceInfo, Timing};
+use crate::device::{Device, DeviceInfo, Timing, on_host};
 use crate::fold::Fold;
 use crate::scene::Scene;
 
@@ -40,8 +40,32 @@ fn measured(
     Ok((tree, quality))
 }
 
+/// The tree within the bound on its depth; validated again where that changed it.
+pub(super) fn bounded(
+    (mut tree, quality): (Bvh, Quality),
+    scene: &Scene,
+    device: &dyn Device,
+    max_depth: MaxDepth,
+) -> Result<(Bvh, Quality, Option<DepthBound>), PipelineError> {
+    if max_depth.allows(quality.max_depth) {
+        return Ok((tree, quality, None));
+    }
+    let sah = SahModel::default();
+    let bound = on_host(device, || bvh::bound_depth(&mut tree, max_depth, &sah))?;
+    let mut faults = bvh::validate(&tree, Some(&scene.triangles)).err().unwrap_or_default();
+    if faults.is_empty() {
+        faults.extend(max_depth.fault(&tree));
+    }
+    if !faults.is_empty() {
+        let device = device.info().name.clone();
+        return Err(PipelineError::InvalidTree { stage: "bound on the depth", device, faults });
+    }
+    let quality = bvh::quality(&tree, &sah);
+    Ok((tree, quality, bound))
+}
+
 /// A tree over all triangles, in working coordinates, on the device.
-pub(super) fn upload_unfolded(tree: Bvh, scene: &Scene, device: &mut dyn Device) -> Result<DeviceTree, PipelineError> {
+pub(super) fn upload_whole(tree: Bvh, scene: &Scene, device: &mut dyn Device) -> Result<DeviceTree, PipelineError> {
     let tree = tree.with_boxes_of(&working_triangles(scene, device));
     let nodes = tree.to_device()?;
     drop(tree);

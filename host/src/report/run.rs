@@ -2,7 +2,7 @@
 
 use super::{Machine, Phase};
 use crate::accuracy::AccuracyReport;
-use crate::bvh::{Quality, SahModel};
+use crate::bvh::{DepthBound, MaxDepth, Quality, SahModel};
 use crate::collapse::CollapseSettings;
 use crate::device::DeviceInfo;
 use crate::optimize::{IterationRow, RbvhSettings, WorstFirst};
@@ -26,7 +26,7 @@ pub struct RunReport {
     pub device: String,
     /// SAH cost of the initial tree, unitless.
     pub initial_cost: f64,
-    /// SAH cost of the best tree with one triangle per leaf, which is what was optimised, unitless.
+    /// SAH cost of the best tree with one triangle per leaf, which is what was optimised, its depth bounded, unitless.
     pub final_cost: f64,
     /// What the cost is compared with; none before [`RunReport::set_reference`].
     pub reference: Option<RunReference>,
@@ -36,6 +36,8 @@ pub struct RunReport {
     pub leaves: u32,
     /// Most links between root and leaf of the tree handed out.
     pub depth: u32,
+    /// What the bound on the depth changed of the tree with one triangle per leaf; none where it was within it.
+    pub bound: Option<DepthBound>,
     /// Iterations run.
     pub iterations: u32,
     /// Wall time of the optimisation, seconds.
@@ -153,6 +155,8 @@ pub struct Settings {
     pub rbvh: Option<RbvhSettings>,
     /// Whether triangles of equal boxes were one reference.
     pub fold_duplicates: bool,
+    /// Most links between root and leaf; none: no bound.
+    pub max_depth: MaxDepth,
     /// Locking strategy.
     pub strategy: String,
     /// Which nodes are searched first.

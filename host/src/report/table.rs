@@ -60,6 +60,9 @@ fn outcome(report: &RunReport, width: u16) -> Table {
     let quality = &report.quality;
     row("device code", report.code.to_string());
     row("depth", format!("{} (initially {})", quality.last.max_depth, quality.initial.max_depth));
+    if let Some(bound) = &report.bound {
+        row("bounded to", format!("{}: {bound}", bound.max_depth));
+    }
     row("stopped", report.stop_reason.clone());
     row("tree hash", report.tree_hash.clone());
     table
@@ -103,6 +106,7 @@ pub(crate) fn empty(width: u16) -> Table {
 mod tests {
     use super::super::testing::report;
     use super::*;
+    use crate::bvh::DepthBound;
 
     fn widest(text: &str) -> usize {
         text.lines().map(|line| line.chars().count()).max().unwrap()
@@ -128,6 +132,26 @@ mod tests {
             assert!(text.contains(part), "{part} is not in\n{text}");
         }
         assert!(text.contains(&report.stop_reason) && text.ends_with('\n'));
+    }
+
+    #[test]
+    fn a_bound_on_the_depth_is_told_where_it_changed_something() {
+        let mut report = report(4);
+        assert!(!table(&report, 100).contains("bounded"));
+        report.bound = Some(DepthBound {
+            max_depth: 63,
+            depth_before: 109,
+            depth_after: 62,
+            cost_before: 5.0,
+            cost_after: 5.25,
+            subtrees: 3,
+            nodes: 90,
+        });
+        let text = table(&report, 200);
+        for part in ["bounded to", "63: depth 109 to 62, 3 subtrees built anew, SAH cost 5.000 to 5.250 (+5.00 %)"] {
+            assert!(text.contains(part), "{part} is not in\n{text}");
+        }
+        assert!(widest(&table(&report, 60)) <= 60);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! A report for tests.
 
 use super::*;
-use crate::bvh::{Quality, SahModel};
+use crate::bvh::{MaxDepth, Quality, SahModel};
 use crate::device::{DeviceInfo, DeviceKind, Timing};
 use crate::optimize::{IterationRow, set_relative_errors};
 use crate::plan::{CodeSize, DeviceCode, Item, Omission, Saving, Status};
@@ -32,6 +32,7 @@ pub(super) fn report(iterations: u32) -> RunReport {
     let quality = |sah_cost, max_depth| Quality {
         sah_cost,
         max_depth,
+        stack: max_depth,
         mean_leaf_depth: 20.5,
         nodes: 524_533,
         leaves: 262_267,
@@ -53,6 +54,7 @@ pub(super) fn report(iterations: u32) -> RunReport {
         adaptive_cost: None,
         leaves: 262_267,
         depth: 38,
+        bound: None,
         iterations,
         time_s: rows[rows.len() - 1].time_s,
         tree_hash: "00112233445566778899aabbccddeeff".to_owned(),
@@ -79,6 +81,7 @@ pub(super) fn report(iterations: u32) -> RunReport {
             treelet: None,
             optimizer: "prbvh".to_owned(),
             fold_duplicates: false,
+            max_depth: MaxDepth::default(),
             rbvh: None,
             strategy: "aggressive".to_owned(),
             order: "published".to_owned(),

@@ -3,6 +3,7 @@
 use crate::build::DEFAULT_RADIUS;
 #[cfg(feature = "atrbvh")]
 use crate::build::TreeletSize;
+use crate::bvh::MaxDepth;
 use crate::collapse::CollapseSettings;
 use crate::optimize::{Limits, Order, PrbvhSettings, RbvhSettings, Strategy};
 use crate::pipeline::{Initial, Optimizer, Settings};
@@ -21,22 +22,22 @@ pub struct Method {
 impl Method {
     fn builder(name: &'static str, initial: Initial) -> Self {
         let prbvh = PrbvhSettings { limits: Limits::iterations(0), ..PrbvhSettings::default() };
-        Self { name, settings: Settings { initial, prbvh, ..Settings::default() }, optimizes: false }
+        Self { name, settings: Settings { initial, prbvh, ..unbounded() }, optimizes: false }
     }
 
     fn published(name: &'static str, initial: Initial, mu: u32) -> Self {
         let prbvh = PrbvhSettings { mu, ..PrbvhSettings::published() };
-        Self { name, settings: Settings { initial, prbvh, ..Settings::default() }, optimizes: true }
+        Self { name, settings: Settings { initial, prbvh, ..unbounded() }, optimizes: true }
     }
 
     fn worst_first(name: &'static str, initial: Initial) -> Self {
         let prbvh = PrbvhSettings { order: Order::WorstFirst, ..PrbvhSettings::default() };
-        Self { name, settings: Settings { initial, prbvh, ..Settings::default() }, optimizes: true }
+        Self { name, settings: Settings { initial, prbvh, ..unbounded() }, optimizes: true }
     }
 
     fn rbvh(name: &'static str) -> Self {
         let optimizer = Optimizer::Rbvh(RbvhSettings::default());
-        Self { name, settings: Settings { optimizer, ..Settings::default() }, optimizes: true }
+        Self { name, settings: Settings { optimizer, ..unbounded() }, optimizes: true }
     }
 
     fn conservative(mut self) -> Self {
@@ -44,16 +45,28 @@ impl Method {
         self
     }
 
-    /// Whether it is PRBVH that goes on from the initial tree, to one triangle per leaf: then its moves can be looked at.
+    /// Whether it is PRBVH that goes on from the initial tree, to one triangle per leaf, and nothing comes after it: then its moves can be
+    /// looked at.
     #[must_use]
     pub fn has_moves(&self) -> bool {
-        self.optimizes && self.settings.optimizer == Optimizer::Prbvh && self.settings.adaptive.is_none()
+        let Settings { optimizer, adaptive, max_depth, .. } = &self.settings;
+        self.optimizes && *optimizer == Optimizer::Prbvh && adaptive.is_none() && *max_depth == MaxDepth::OFF
     }
 
     fn with_adaptive_leaves(mut self) -> Self {
         self.settings.adaptive = Some(CollapseSettings::default());
         self
     }
+
+    fn with_bounded_depth(mut self) -> Self {
+        self.settings.max_depth = MaxDepth::default();
+        self
+    }
+}
+
+/// Trees as deep as they become: what is to be stable is what makes them, and rays through trees of any depth.
+fn unbounded() -> Settings {
+    Settings { max_depth: MaxDepth::OFF, ..Settings::default() }
 }
 
 /// All methods, in the order of the table. A new builder, strategy or optimiser gets its row here and nowhere else.
@@ -76,5 +89,6 @@ pub fn methods() -> Vec<Method> {
         Method::published("ploc+prbvh-9", ploc(), 9),
         Method::published("ploc+prbvh-1", ploc(), 1),
         Method::worst_first("worst-first+adaptive", Initial::Lbvh).with_adaptive_leaves(),
+        Method::worst_first("worst-first+bounded", Initial::Lbvh).with_bounded_depth(),
     ]
 }

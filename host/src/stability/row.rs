@@ -81,6 +81,8 @@ pub enum Property {
     Ends,
     /// No search takes more steps than its bound.
     Steps,
+    /// Where the depth is bounded, no leaf lies deeper.
+    Depth,
     /// The same tree on every device.
     Device,
     /// The same tree again, for any number of threads and order of invocations.
@@ -106,6 +108,7 @@ impl fmt::Display for Property {
             Self::F32Cost => "f32 cost",
             Self::Ends => "ends",
             Self::Steps => "steps",
+            Self::Depth => "depth",
             Self::Device => "device",
             Self::Repeats => "repeats",
             Self::Scale => "scale",

@@ -139,6 +139,13 @@ pub(super) const COLUMNS: [Column; 21] = [
         cell: Cell::Number(|row, _| row.depth.map(Into::into), whole),
     },
     Column {
+        name: "stack",
+        unit: "",
+        meaning: "Entries that the stack of a ray needs in the tree with adaptive leaves, if the nearer child is visited first and the farther one waits: the most over all rays. Stacks of 64 are usual.",
+        better: Better::Less,
+        cell: Cell::Number(|row, _| row.stack.map(Into::into), whole),
+    },
+    Column {
         name: "EPO",
         unit: "",
         meaning: "End-point overlap (Aila, Karras and Laine 2013): the share of the cost from nodes that a surface point lies in without belonging to them. Together with the cost it predicts the speed of rays better than the cost alone.",
