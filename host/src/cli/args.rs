@@ -5,6 +5,7 @@ use super::leaves::LeavesArgs;
 use super::optimizer::OptimizerArgs;
 use super::plan::PlanArgs;
 use super::preset::{PRESET_SETS, PresetArg};
+use super::read_args::ReadArgs;
 use super::render_args::RenderArgs;
 use super::stability::StabilityArgs;
 use super::target::TargetArgs;
@@ -58,12 +59,14 @@ pub(super) enum Command {
 
 #[derive(Debug, Args)]
 pub(super) struct OptimizeArgs {
-    /// OBJ, PLY, STL, glTF or GLB file (also .xz, .gz, .zst), or `built-in`.
+    /// OBJ, PLY, STL, glTF or GLB file (also .xz, .gz, .zst), `-` for standard input, or `built-in`.
     #[arg(default_value = BUILT_IN)]
     pub(super) scene: PathBuf,
     /// Size of the built-in scene.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) triangles: Option<usize>,
+    #[command(flatten)]
+    pub(super) read: ReadArgs,
     /// Where the initial tree comes from: lbvh, ploc, atrbvh, sah-sweep, sah-binned, or a tree.bvh over the same scene.
     #[arg(long, default_value = "lbvh", value_name = "BUILDER|FILE.bvh", value_parser = OsStringValueParser::new().try_map(initial))]
     pub(super) initial: Initial,
@@ -240,6 +243,8 @@ pub(super) struct StatsArgs {
     /// Size of the built-in scene, if that is the scene.
     #[arg(long, value_name = "N", requires = "scene", allow_negative_numbers = true)]
     pub(super) triangles: Option<usize>,
+    #[command(flatten)]
+    pub(super) read: ReadArgs,
     /// Print one JSON object.
     #[arg(long)]
     pub(super) json: bool,

@@ -30,7 +30,7 @@ pub(super) fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<ExitCode> {
         "--triangles is for the built-in scene, which is not among those to compare"
     );
     let scenes: Vec<Scene> =
-        args.scenes.iter().map(|path| load_scene(path, triangles(path))).collect::<anyhow::Result<_>>()?;
+        args.scenes.iter().map(|path| load_scene(path, triangles(path), &args.read)).collect::<anyhow::Result<_>>()?;
     if let Some(folder) = &args.out {
         check_folder(folder)?;
     }

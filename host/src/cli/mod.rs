@@ -11,6 +11,7 @@ mod optimize;
 mod optimizer;
 mod plan;
 mod preset;
+mod read_args;
 mod render;
 mod render_args;
 mod stability;
@@ -21,6 +22,7 @@ use args::{BUILT_IN, Cli, Command, OptimizeArgs};
 use clap::Parser;
 use prbvh::report::Machine;
 use prbvh::scene::{self, Scene};
+use read_args::ReadArgs;
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -73,8 +75,8 @@ fn told_once(error: &anyhow::Error) -> String {
     text
 }
 
-/// The scene that an argument names.
-fn load_scene(path: &Path, triangles: Option<usize>) -> anyhow::Result<Scene> {
+/// The scene that an argument names; what of it was not read is in the log.
+fn load_scene(path: &Path, triangles: Option<usize>, read: &ReadArgs) -> anyhow::Result<Scene> {
     if path == Path::new(BUILT_IN) {
         let triangles = triangles.unwrap_or(scene::DEFAULT_TRIANGLES);
         let most = most_triangles();
@@ -85,7 +87,11 @@ fn load_scene(path: &Path, triangles: Option<usize>) -> anyhow::Result<Scene> {
         return Ok(scene::built_in(triangles));
     }
     anyhow::ensure!(triangles.is_none(), "--triangles is for the built-in scene, not for {}", path.display());
-    Ok(scene::load(path)?)
+    let scene = scene::load_with(path, &read.options())?;
+    for note in &scene.notes {
+        tracing::warn!("{}: {note}", scene.source);
+    }
+    Ok(scene)
 }
 
 /// Size of the built-in scene that fits the machine's memory, trees and copies included.

@@ -26,7 +26,7 @@ pub(super) fn run(args: &OptimizeArgs, log: &Log) -> anyhow::Result<ExitCode> {
     let mut settings = args.settings()?;
     let interrupt = Interrupt::listen();
     let mut device = device::open(args.device, args.threads, args.validate)?;
-    let scene = load_scene(&args.scene, args.triangles)?;
+    let scene = load_scene(&args.scene, args.triangles, &args.read)?;
     let known = known_cost(&scene)?;
     args.target.apply(&mut settings, &scene, known.as_ref())?;
     if let Some(folder) = &args.out {
@@ -193,6 +193,7 @@ fn report(
             source: scene.source.clone(),
             hash: scene.hash.clone(),
             census: serde_json::to_value(&scene.census).unwrap_or_default(),
+            notes: scene.notes.clone(),
         },
         device_details: device.info().clone(),
         machine: Machine::current(),

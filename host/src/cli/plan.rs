@@ -46,9 +46,9 @@ pub(super) fn run(args: &PlanArgs) -> anyhow::Result<ExitCode> {
         plans.push((scene.name.clone(), plan));
         Ok(())
     };
-    add(&load_scene(&optimize.scene, optimize.triangles)?)?;
+    add(&load_scene(&optimize.scene, optimize.triangles, &optimize.read)?)?;
     for path in more {
-        add(&load_scene(path, None)?)?;
+        add(&load_scene(path, None, &optimize.read)?)?;
     }
     if *catalogue {
         for case in CATALOGUE {
@@ -70,7 +70,7 @@ pub(super) fn run(args: &PlanArgs) -> anyhow::Result<ExitCode> {
 
 /// One scene, with its census, its phases, and why each decision is as it is.
 fn one(args: &OptimizeArgs, device: &dyn Device, settings: &Settings) -> anyhow::Result<ExitCode> {
-    let scene = load_scene(&args.scene, args.triangles)?;
+    let scene = load_scene(&args.scene, args.triangles, &args.read)?;
     let plan = Plan::of(&scene, device.info(), settings, &[])?;
     if args.json {
         print(&serde_json::to_string_pretty(&to_json(&scene, &plan, device)).context("plan as JSON")?);
@@ -89,6 +89,7 @@ fn to_json(scene: &Scene, plan: &Plan, device: &dyn Device) -> Value {
         "hash": scene.hash,
         "device": device.info().name,
         "census": census,
+        "notes": scene.notes,
         "duplicate_boxes": scene::duplicate_boxes(&scene.triangles),
         "extent_decades": census.extent_decades(),
         "area_decades": census.area_decades(),

@@ -17,7 +17,7 @@ use std::process::ExitCode;
 pub(super) fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<ExitCode> {
     let interrupt = Interrupt::listen();
     let mut device = device::open(args.device, args.threads, args.validate)?;
-    let scene = load_scene(&args.scene, args.triangles)?;
+    let scene = load_scene(&args.scene, args.triangles, &args.read)?;
     let tree = match &args.tree {
         Some(path) => read_tree(path, &scene)?,
         None => {
@@ -87,6 +87,7 @@ fn json(scene: &Scene, device: &dyn Device, tree: &Bvh, rendering: &Rendering) -
     serde_json::to_string_pretty(&serde_json::json!({
         "scene": scene.name,
         "triangles": scene.triangles.len(),
+        "notes": scene.notes,
         "device": device.info().name,
         "tree_hash": bvh::tree_hash(tree),
         "width": rendering.width,
