@@ -46,7 +46,7 @@ impl FromStr for Format {
 }
 
 /// First bytes of a text as Unicode has them.
-pub(super) const UTF8_MARK: &[u8] = b"\xef\xbb\xbf";
+const UTF8_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// Whether a text begins as UTF-16 does, of either byte order.
 pub(super) fn is_utf16(head: &[u8]) -> bool {

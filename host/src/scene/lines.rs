@@ -1,6 +1,7 @@
 //! The lines of a text file, however they end.
 
 use super::error::SceneError;
+use super::format::without_mark;
 use super::open::Origin;
 use std::io::BufRead;
 
@@ -55,7 +56,9 @@ impl<R: BufRead> Lines<R> {
         let rest = &self.buffer[start..];
         let length = rest.iter().position(|byte| *byte == b'\r');
         self.start = length.map(|length| start + length + 1);
-        Ok(Some(Line { number: self.number, text: &rest[..length.unwrap_or(rest.len())] }))
+        // Files that were put together have a mark before each part.
+        let text = without_mark(&rest[..length.unwrap_or(rest.len())]);
+        Ok(Some(Line { number: self.number, text }))
     }
 }
 

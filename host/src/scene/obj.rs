@@ -82,6 +82,18 @@ fn is_one_of(word: &[u8], names: &[&str]) -> bool {
     names.iter().any(|name| word.eq_ignore_ascii_case(name.as_bytes()))
 }
 
+fn is_statement(word: &[u8]) -> bool {
+    is_one_of(word, &["v", "f", "fo"])
+        || is_one_of(word, &WITHOUT_TRIANGLES)
+        || is_one_of(word, &NAMES)
+        || shape(word).is_some()
+}
+
+/// The statement that holds a shape which is not read, and what that is.
+fn shape(word: &[u8]) -> Option<&'static (&'static str, &'static str)> {
+    SHAPES.iter().find(|(name, _)| word.eq_ignore_ascii_case(name.as_bytes()))
+}
+
 /// The statements so far.
 struct Statements<'a> {
     blame: Blame<'a>,
@@ -123,8 +135,10 @@ impl<'a> Statements<'a> {
                 return Err(self.blame.not_finite(place, String::from_utf8_lossy(word)));
             }
         }
-        // A backslash too many joins the next vertex, which must not get lost.
-        words.try_for_each(|word| number(self.blame, place, word).map(|_| ()))?;
+        // A backslash too many joins the next statement, which must not get lost.
+        if let Some(word) = words.find(|word| is_statement(word)) {
+            return Err(self.blame.format(place, format!("\"{}\" is not a number", shorten(word))));
+        }
         self.vertices.push(vertex);
         Ok(())
     }
@@ -139,10 +153,9 @@ impl<'a> Statements<'a> {
 
     /// A statement that makes no triangles.
     fn other(&mut self, place: Place, word: &[u8], text: &[u8]) {
-        let shape = SHAPES.iter().find(|(name, _)| word.eq_ignore_ascii_case(name.as_bytes()));
-        if let Some((name, what)) = shape {
+        if let Some((name, what)) = shape(word) {
             self.notes.add(place, format!("statement \"{name}\" ({what}) is not read"));
-        } else if !is_one_of(word, &WITHOUT_TRIANGLES) && !is_one_of(word, &NAMES) && !is_blank(text) {
+        } else if !is_statement(word) && !is_blank(text) {
             self.notes.add(place, format!("statement \"{}\" is not known", shorten(word)));
         }
     }

@@ -2,7 +2,7 @@
 
 use super::LoadOptions;
 use super::error::{Blame, Place, SceneError};
-use super::format::{FORMATS, Format, UTF8_MARK, is_utf16, stand_in};
+use super::format::{FORMATS, Format, is_utf16, stand_in};
 use super::lines::Lines;
 use super::zstd::ZstdFrames;
 use std::fs::File;
@@ -150,12 +150,8 @@ impl Opened {
     }
 
     /// The lines of a text.
-    pub(super) fn lines(mut self) -> Result<Lines<Box<dyn BufRead>>, SceneError> {
+    pub(super) fn lines(self) -> Result<Lines<Box<dyn BufRead>>, SceneError> {
         self.check_encoding()?;
-        if self.head.starts_with(UTF8_MARK) {
-            let mut mark = [0; UTF8_MARK.len()];
-            self.bytes.read_exact(&mut mark).map_err(|source| self.origin.fault(source))?;
-        }
         Ok(Lines::new(self.origin, self.bytes))
     }
 

@@ -26,8 +26,9 @@ pub(super) fn read(mut opened: Opened) -> Result<Loaded, SceneError> {
     let bytes = opened.read_all()?;
     let blame = Blame(&opened.origin.file);
     let mut notes = Notes::default();
-    let triangles = if is_binary(&bytes) {
-        if !has_announced_length(&bytes) {
+    let is_exact = has_announced_length(&bytes);
+    let triangles = if is_exact || is_binary(&bytes) {
+        if !is_exact {
             opened.check_encoding()?;
         }
         read_binary(blame, &bytes, &mut notes)?
@@ -53,12 +54,16 @@ fn has_announced_length(bytes: &[u8]) -> bool {
     length == Some(bytes.len() as u64)
 }
 
-/// A file is text if it begins with `solid`; but many exporters begin the free header of a binary one with it, whose length or whose zero
-/// bytes then tell.
+/// Whether a file that is not as long as its binary header says is binary all the same: a text begins with `solid`, but so does the free
+/// header of many a binary file, whose zero bytes then tell.
 fn is_binary(bytes: &[u8]) -> bool {
+    // Zero bytes may fill up a text.
+    let end = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    let bytes = &bytes[..end];
     let text = without_mark(bytes).trim_ascii_start();
-    let begins = text.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
-    has_announced_length(bytes) || !begins || bytes[..bytes.len().min(TEXT_BYTES)].contains(&0)
+    let begins =
+        text.get(..5).is_some_and(|word| [b"solid", b"facet"].iter().any(|first| word.eq_ignore_ascii_case(*first)));
+    !begins || bytes[..bytes.len().min(TEXT_BYTES)].contains(&0)
 }
 
 fn read_binary(blame: Blame<'_>, bytes: &[u8], notes: &mut Notes) -> Result<Vec<Triangle>, SceneError> {

@@ -69,8 +69,8 @@ fn file(uri: &str, folder: &Path, length: usize) -> Result<Vec<u8>, String> {
         return Err(format!("\"{uri}\" is not a file beside the scene"));
     }
     let relative = percent_decode_str(uri).decode_utf8().map_err(|fault| format!("\"{uri}\": {fault}"))?;
-    let path = folder.join(&*relative);
-    // Some writers leave a name as it is that has a per cent sign of its own.
-    let literal = folder.join(uri);
-    if !path.exists() && literal.exists() { beside(&literal, length) } else { beside(&path, length) }
+    // Some writers leave a name as it is that has a per cent sign of its own, or the backslashes of Windows.
+    let names = [relative.to_string(), uri.to_owned(), relative.replace('\\', "/")];
+    let name = names.iter().find(|name| folder.join(name).exists()).unwrap_or(&names[0]);
+    beside(&folder.join(name), length)
 }

@@ -57,26 +57,24 @@ fn chunks<'f>(
     notes: &mut Notes,
 ) -> Result<(&'f [u8], Option<&'f [u8]>), SceneError> {
     let fault = |message: String| blame.format(Place::File, message);
-    let (Some(version), Some(length)) = (word(bytes, 4), word(bytes, 8)) else {
+    let (Some(version), Some(end)) = (word(bytes, 4), word(bytes, 8)) else {
         return Err(fault(format!("the GLB header has {HEADER_BYTES} bytes, {} are there", bytes.len())));
     };
     if version != 2 {
         return Err(fault(format!("GLB version {version} is not read; 2 is")));
     }
-    if length < HEADER_BYTES {
-        return Err(fault(format!("the header gives a length of {length} bytes, less than its own {HEADER_BYTES}")));
+    if end < HEADER_BYTES {
+        return Err(fault(format!("the header gives a length of {end} bytes, less than its own {HEADER_BYTES}")));
     }
-    if length > bytes.len() {
-        return Err(fault(format!("the file is truncated: {} bytes of {length} are there", bytes.len())));
+    if end > bytes.len() {
+        return Err(fault(format!("the file is truncated: {} bytes of {end} are there", bytes.len())));
     }
-    if length < bytes.len() {
-        notes.add_many(Place::File, (bytes.len() - length) as u64, "a byte after the end of the GLB file is left out");
-    }
-    let bytes = &bytes[..length];
     let (mut json, mut blob) = (None, None);
     let mut at = HEADER_BYTES;
     // Padding after the last chunk is no chunk.
-    while let (Some(length), Some(kind)) = (word(bytes, at), bytes.get(at + 4..at + CHUNK_HEADER_BYTES)) {
+    while at + CHUNK_HEADER_BYTES <= end
+        && let (Some(length), Some(kind)) = (word(bytes, at), bytes.get(at + 4..at + CHUNK_HEADER_BYTES))
+    {
         let start = at + CHUNK_HEADER_BYTES;
         let chunk = bytes.get(start..start + length);
         let chunk = chunk.ok_or_else(|| fault(format!("the chunk at byte {at} passes the end of the file")))?;
@@ -86,6 +84,11 @@ fn chunks<'f>(
             _ => {}
         }
         at = start + length;
+    }
+    // Some writers announce less than they write.
+    let end = end.max(at);
+    if end < bytes.len() {
+        notes.add_many(Place::File, (bytes.len() - end) as u64, "a byte after the end of the GLB file is left out");
     }
     Ok((json.ok_or_else(|| fault("the file has no JSON chunk".into()))?, blob))
 }

@@ -33,7 +33,7 @@ pub(super) fn read(mut opened: Opened) -> Result<Loaded, SceneError> {
         match element.name.as_str() {
             "vertex" => {
                 let axes = axes(blame, element)?;
-                values.each(element, &mut notes, |number, row| {
+                values.each(element, &axes, &mut notes, |number, row| {
                     let vertex = vertex(element, axes, row);
                     blame.finite(place(number), vertex)?;
                     vertices.push(vertex);
@@ -47,7 +47,7 @@ pub(super) fn read(mut opened: Opened) -> Result<Loaded, SceneError> {
                 let list = list(blame, element, &mut notes)?;
                 let mut kept = Faces::new(place, 0);
                 let mut small = Notes::default();
-                values.each(element, &mut notes, |number, row| {
+                values.each(element, &[list], &mut notes, |number, row| {
                     let items = items(element, list, row);
                     match element.name.as_str() {
                         "face" => face(blame, place, &mut kept, number, items, &mut small),
@@ -60,7 +60,7 @@ pub(super) fn read(mut opened: Opened) -> Result<Loaded, SceneError> {
                 if !WITHOUT_SHAPE.contains(&name) && element.count > 0 {
                     notes.add_many(Place::Line(element.line), element.count, format!("element \"{name}\" is not read"));
                 }
-                values.each(element, &mut notes, |_, _| Ok(()))?;
+                values.each(element, &[], &mut notes, |_, _| Ok(()))?;
             }
         }
     }

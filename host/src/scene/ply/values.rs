@@ -47,10 +47,12 @@ impl Values {
         }
     }
 
-    /// Reads all of an element, and gives each to `take` with the number of its line, or its own.
+    /// Reads all of an element, and gives each to `take` with the number of its line, or its own. Words of a text that are no numbers are
+    /// faults only in the properties that are needed.
     pub(super) fn each(
         &mut self,
         element: &Element,
+        needed: &[usize],
         notes: &mut Notes,
         mut take: impl FnMut(u64, &Row) -> Result<(), SceneError>,
     ) -> Result<(), SceneError> {
@@ -70,11 +72,12 @@ impl Values {
                     format!("the file is truncated: {index} of {} {} elements are there", element.count, element.name);
                 blame.format(place, message)
             };
-            for property in &element.properties {
+            for (k, property) in element.properties.iter().enumerate() {
+                let is_needed = needed.contains(&k);
                 let (count, item) = match property.kind {
                     Kind::Scalar(number) => (1, number),
                     Kind::List { length, item } => {
-                        let length = self.number(blame, place, length)?.ok_or_else(truncated)?;
+                        let length = self.number(blame, place, length, true)?.ok_or_else(truncated)?;
                         if length < 0.0 || length.fract() != 0.0 {
                             let message = format!("{length} is no length of the list {}", property.name);
                             return Err(blame.format(place, message));
@@ -84,7 +87,7 @@ impl Values {
                     }
                 };
                 for _ in 0..count {
-                    row.push(self.number(blame, place, item)?.ok_or_else(truncated)?);
+                    row.push(self.number(blame, place, item, is_needed)?.ok_or_else(truncated)?);
                 }
             }
             if let Self::Text(text) = self {
@@ -96,9 +99,15 @@ impl Values {
     }
 
     /// The next number; none at the end of the file.
-    fn number(&mut self, blame: Blame<'_>, place: Place, number: Number) -> Result<Option<f64>, SceneError> {
+    fn number(
+        &mut self,
+        blame: Blame<'_>,
+        place: Place,
+        number: Number,
+        is_needed: bool,
+    ) -> Result<Option<f64>, SceneError> {
         match self {
-            Self::Text(text) => text.number(blame, place, number),
+            Self::Text(text) => text.number(blame, place, number, is_needed),
             Self::Binary { bytes, origin, is_big } => match binary(bytes, *is_big, number) {
                 Ok(value) => Ok(Some(value)),
                 Err(fault) if fault.kind() == io::ErrorKind::UnexpectedEof => Ok(None),
@@ -146,7 +155,13 @@ impl Text {
         self.line[self.read..].trim_ascii_start()
     }
 
-    fn number(&mut self, blame: Blame<'_>, place: Place, number: Number) -> Result<Option<f64>, SceneError> {
+    fn number(
+        &mut self,
+        blame: Blame<'_>,
+        place: Place,
+        number: Number,
+        is_needed: bool,
+    ) -> Result<Option<f64>, SceneError> {
         if self.rest().is_empty() {
             if self.begin()?.is_none() {
                 return Ok(None);
@@ -163,13 +178,14 @@ impl Text {
         };
         let read = self.line.len() - rest.len() + word.len();
         match value {
-            Some(value) => {
-                self.read = read;
-                Ok(Some(value))
-            }
-            None => {
+            None if is_needed => {
                 let line = shorten(self.line.trim_ascii());
                 Err(blame.format(place, format!("\"{}\" is not a number, in \"{line}\"", shorten(word))))
+            }
+            // Such as the "-nan(ind)" of a normal.
+            value => {
+                self.read = read;
+                Ok(Some(value.unwrap_or(f64::NAN)))
             }
         }
     }

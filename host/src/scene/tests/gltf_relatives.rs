@@ -335,6 +335,9 @@ fn containers_are_read_as_they_are_found() {
         assert_square("chunks", &load_bytes("a.glb", glb(2, chunks)).unwrap().triangles);
     }
     let whole = glb(2, &[(b"JSON", json.as_bytes())]);
+    let mut short = whole.clone();
+    short[8..12].copy_from_slice(&40_u32.to_le_bytes());
+    assert_eq!(load_bytes("a.glb", short).unwrap().notes, []);
     let scene = load_bytes("a.glb", [whole.as_slice(), b"more"].concat()).unwrap();
     assert_eq!(said(&scene), ["a byte after the end of the GLB file is left out (4 times)"]);
     for (bytes, part) in [
@@ -365,6 +368,23 @@ fn texts_are_read_as_they_are_found() {
     let first = r#"{"asset":{"version":"1.0"},"meshes":{"a":{}},"buffers":{}}"#;
     assert!(refusal("a.gltf", first).contains("glTF 1.0 is not read"));
     assert!(refusal("a.gltf", r#"{"asset":{"version":"3.0"}}"#).contains("glTF 3.0 is not read"));
+}
+
+#[test]
+fn buffers_are_found_beside_the_scene() {
+    for (uri, name) in
+        [("a%20b.bin", "a b.bin"), ("a b.bin", "a b.bin"), ("a%20b.bin", "a%20b.bin"), ("c\\d.bin", "c/d.bin")]
+    {
+        let mut document = square([]);
+        let bytes = document["buffers"][0]["uri"].take();
+        document["buffers"][0]["uri"] = json!(uri);
+        let scene = file("a.gltf", document.to_string());
+        std::fs::create_dir(scene.path.with_file_name("c")).unwrap();
+        let (_, bytes) = bytes.as_str().unwrap().split_once(',').unwrap();
+        let bytes = data_url::forgiving_base64::decode_to_vec(bytes.as_bytes()).unwrap();
+        std::fs::write(scene.path.with_file_name(name), bytes).unwrap();
+        assert_square(uri, &load(&scene.path).unwrap().triangles);
+    }
 }
 
 #[test]

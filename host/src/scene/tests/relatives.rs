@@ -69,6 +69,8 @@ fn obj_files_that_are_read_whole() {
         ("texture coordinates on two lines", obj("", ("f 1", "vt 0 \\\n0\nf 1"), "")),
         ("negative indices", obj("", ("f 1 2 3", "f -4 -3 -2"), "")),
         ("all forms of corners", obj("", ("f 1 2 3", "f 1/7/7 2//7 3/"), "")),
+        ("colours of no numbers", obj("", ("v 1 0 0", "v 1 0 0 -nan(ind) 1.#IND x"), "")),
+        ("files put together", obj("# one\n", ("f 1 2 3", "\u{feff}f 1 2 3"), "")),
         ("weights and colours", obj("", ("v 1 0 0", "v 1 0 0 1.0 0.5 nan"), "")),
         ("blank lines and tabs", obj("\n \t\n", ("f 1 2 3", "\tf\t1\t2\t3"), "\n\n")),
         ("an end of DOS", obj("", first, "\u{1a}")),
@@ -167,6 +169,11 @@ fn ply_files_that_are_read_whole() {
         ("other versions", ply_text(("ascii 1.0", "ascii 1.1"), as_is)),
         ("whole numbers with fractions", ply_text(same, ("3 0 1 2", "3.0 0.0 1.0 2.0"))),
         ("indices of float", ply_text(("uchar int", "uchar float"), as_is)),
+        (
+            "normals of no numbers",
+            ply_text(("element face", "property float nx\nelement face"), as_is)
+                .replace("0 0 0\n1 0 0\n0 1 0\n1 1 0\n", "0 0 0 -nan(ind)\n1 0 0 1.#QNAN\n0 1 0 -\n1 1 0 inf\n"),
+        ),
         ("comments without text", ply_text(("element face", "comment\nobj_info\nelement face"), as_is)),
         ("a camera", ply_text(("element face", "element camera 0\nproperty float fov\nelement face"), as_is)),
         (
@@ -275,6 +282,8 @@ fn stl_files_that_are_read_whole() {
             text.replace('\n', " ").replacen("solid ", "solid\n", 1).replace("endsolid", "\nendsolid"),
         ),
         ("an end of DOS", format!("{text}\u{1a}")),
+        ("zero bytes at the end", format!("{text}\0\0\0")),
+        ("no first line", text.replacen("solid\n", "", 1)),
     ] {
         assert_whole("a.stl", what, text);
     }
