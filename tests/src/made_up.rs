@@ -236,6 +236,7 @@ fn scene(k: usize, (name, triangles): (&str, u32)) -> SceneComparison {
         name: name.to_owned(),
         hash: format!("{:032x}", (chance(&[seed, 5]) * 1e15) as u64),
         triangles,
+        notes: Vec::new(),
         rows,
         runs,
         errors: None,

@@ -5,6 +5,7 @@ use super::leaves::LeavesArgs;
 use super::optimizer::OptimizerArgs;
 use super::plan::PlanArgs;
 use super::preset::{PRESET_SETS, PresetArg};
+use super::read_args::ReadArgs;
 use super::render_args::RenderArgs;
 use super::scenes::ScenesArgs;
 use super::stability::StabilityArgs;
@@ -242,6 +243,8 @@ pub(super) struct StatsArgs {
     /// Size of the built-in scene, if that is the scene.
     #[arg(long, value_name = "N", requires = "scene", allow_negative_numbers = true)]
     pub(super) triangles: Option<usize>,
+    #[command(flatten)]
+    pub(super) read: ReadArgs,
     /// Print one JSON object.
     #[arg(long)]
     pub(super) json: bool,

@@ -37,7 +37,7 @@ pub(super) fn run(args: &CompareArgs, log: &Log, interrupt: &Interrupt) -> anyho
         "--triangles is for the built-in scene, which is not among those to compare"
     );
     let scenes: Vec<Scene> =
-        args.scenes.iter().map(|path| load_scene(path, triangles(path))).collect::<anyhow::Result<_>>()?;
+        args.scenes.iter().map(|path| load_scene(path, triangles(path), &args.read)).collect::<anyhow::Result<_>>()?;
     scenes.iter().try_for_each(|scene| check_max_depth(args.max_depth, scene).context(scene.name.clone()))?;
     let folder = args.out.as_deref().map(OutFolder::open).transpose()?;
     let settings = CompareSettings {

@@ -1,6 +1,7 @@
 //! The arguments of `prbvh compare`, and of the process of a peer.
 
 use super::args::{BUILT_IN, not_negative, threads};
+use super::read_args::ReadArgs;
 use super::render_args::{AxisArg, size};
 use clap::{Args, ValueEnum};
 use prbvh::bvh::MaxDepth;
@@ -18,6 +19,8 @@ pub(super) struct CompareArgs {
     /// Size of the built-in scene.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) triangles: Option<usize>,
+    #[command(flatten)]
+    pub(super) read: ReadArgs,
     /// Methods, with commas between [default: all].
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(super) methods: Vec<String>,

@@ -15,6 +15,7 @@ mod out_folder;
 mod overwrite;
 mod plan;
 mod preset;
+mod read_args;
 mod render;
 mod render_args;
 mod scenes;
@@ -32,6 +33,7 @@ use interrupt::Interrupt;
 use prbvh::bvh::MaxDepth;
 use prbvh::report::Machine;
 use prbvh::scene::{self, Scene};
+use read_args::ReadArgs;
 use std::io::{self, Write};
 use std::path::Path;
 use std::process::ExitCode;
@@ -93,8 +95,8 @@ fn told_once(error: &anyhow::Error) -> String {
     text
 }
 
-/// The scene that an argument names.
-fn load_scene(path: &Path, triangles: Option<usize>) -> anyhow::Result<Scene> {
+/// The scene that an argument names; what of it was not read is in the log.
+fn load_scene(path: &Path, triangles: Option<usize>, read: &ReadArgs) -> anyhow::Result<Scene> {
     if path == Path::new(BUILT_IN) {
         let triangles = triangles.unwrap_or(scene::DEFAULT_TRIANGLES);
         let most = most_triangles();
@@ -105,7 +107,11 @@ fn load_scene(path: &Path, triangles: Option<usize>) -> anyhow::Result<Scene> {
         return Ok(scene::built_in(triangles));
     }
     anyhow::ensure!(triangles.is_none(), "--triangles is for the built-in scene, not for {}", path.display());
-    Ok(scene::load(path)?)
+    let scene = scene::load_with(path, &read.options())?;
+    for note in &scene.notes {
+        tracing::warn!("{}: {note}", scene.source);
+    }
+    Ok(scene)
 }
 
 /// Refuses a bound that no tree over the scene is within.

@@ -289,6 +289,7 @@ fn report(
             source: scene.source.clone(),
             hash: scene.hash.clone(),
             census: serde_json::to_value(&scene.census).unwrap_or_default(),
+            notes: scene.notes.clone(),
         },
         device_details: device.info().clone(),
         machine: Machine::current(),

@@ -89,6 +89,7 @@ fn to_json(scene: &Scene, plan: &Plan, device: &dyn Device) -> Value {
         "hash": scene.hash,
         "device": device.info().name,
         "census": census,
+        "notes": scene.notes,
         "duplicate_boxes": scene::duplicate_boxes(&scene.triangles),
         "extent_decades": census.extent_decades(),
         "area_decades": census.area_decades(),

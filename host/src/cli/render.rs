@@ -21,7 +21,7 @@ use std::process::ExitCode;
 pub(super) fn run(args: &RenderArgs, log: &Log, interrupt: &Interrupt) -> anyhow::Result<ExitCode> {
     refuse_overwrite([&*args.scene].into_iter().chain(args.tree.as_deref()), [args.out.clone()])?;
     let mut device = device::open(args.device, args.threads, args.validate)?;
-    let scene = load_scene(&args.scene, args.triangles)?;
+    let scene = load_scene(&args.scene, args.triangles, &args.read)?;
     let tree = match &args.tree {
         Some(path) => read_tree(path, &scene)?,
         None => {
@@ -95,6 +95,7 @@ fn json(scene: &Scene, device: &dyn Device, tree: &Bvh, rendering: &Rendering) -
     serde_json::to_string_pretty(&serde_json::json!({
         "scene": scene.name,
         "triangles": scene.triangles.len(),
+        "notes": scene.notes,
         "device": device.info().name,
         "tree_hash": bvh::tree_hash(tree),
         "width": rendering.width,

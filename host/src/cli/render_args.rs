@@ -2,6 +2,7 @@
 
 use super::args::{BUILT_IN, threads};
 use super::leaves::LeavesArgs;
+use super::read_args::ReadArgs;
 use clap::{Args, ValueEnum};
 use prbvh::device::DeviceChoice;
 use prbvh::render::RenderSettings;
@@ -9,12 +10,14 @@ use std::path::PathBuf;
 
 #[derive(Debug, Args)]
 pub(super) struct RenderArgs {
-    /// OBJ, PLY, STL, glTF or GLB file (also .xz, .gz, .zst), or `built-in`.
+    /// OBJ, PLY, STL, glTF or GLB file (also .xz, .gz, .zst), `-` for standard input, or `built-in`.
     #[arg(default_value = BUILT_IN)]
     pub(super) scene: PathBuf,
     /// Size of the built-in scene.
     #[arg(long, value_name = "N")]
     pub(super) triangles: Option<usize>,
+    #[command(flatten)]
+    pub(super) read: ReadArgs,
     /// A tree of the scene, as `prbvh optimize --out` writes it [default: one is built and optimised].
     #[arg(long, value_name = "FILE", conflicts_with_all = ["leaves", "max_leaf", "c_traversal", "c_intersect"])]
     pub(super) tree: Option<PathBuf>,

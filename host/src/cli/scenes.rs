@@ -2,6 +2,7 @@
 
 use super::args::BUILT_IN;
 use super::load_scene;
+use super::read_args::ReadArgs;
 use anyhow::Context;
 use clap::Args;
 use prbvh::scene::Scene;
@@ -23,6 +24,8 @@ pub(super) struct ScenesArgs {
     /// With --out, of many scenes: leave out what is there already, made of the same triangles with the same settings.
     #[arg(long, requires = "out")]
     resume: bool,
+    #[command(flatten)]
+    read: ReadArgs,
 }
 
 /// A scene to load.
@@ -31,11 +34,12 @@ pub(super) struct Named {
     pub(super) path: PathBuf,
     /// Of the built-in scene.
     pub(super) triangles: Option<usize>,
+    read: ReadArgs,
 }
 
 impl Named {
     pub(super) fn load(&self) -> anyhow::Result<Scene> {
-        load_scene(&self.path, self.triangles)
+        load_scene(&self.path, self.triangles, &self.read)
     }
 }
 
@@ -60,7 +64,7 @@ impl ScenesArgs {
         let mut named: Vec<Named> = Vec::new();
         for path in paths {
             let triangles = self.triangles.filter(|_| is_built_in(&path));
-            let scene = Named { path, triangles };
+            let scene = Named { path, triangles, read: self.read };
             if !named.contains(&scene) {
                 named.push(scene);
             }
@@ -122,9 +126,9 @@ mod tests {
 
     fn named(scenes: &[&str], list: Option<&Path>, triangles: Option<usize>) -> Result<Vec<String>, String> {
         let scenes = scenes.iter().map(PathBuf::from).collect();
-        let arguments = ScenesArgs { scenes, list: list.map(Path::to_owned), triangles, resume: false };
+        let arguments = ScenesArgs { scenes, list: list.map(Path::to_owned), triangles, resume: false, read: ReadArgs::default() };
         let named = arguments.named().map_err(|error| format!("{error:#}"))?;
-        Ok(named.iter().map(|Named { path, triangles }| format!("{} {triangles:?}", path.display())).collect())
+        Ok(named.iter().map(|Named { path, triangles, .. }| format!("{} {triangles:?}", path.display())).collect())
     }
 
     #[test]

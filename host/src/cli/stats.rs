@@ -15,7 +15,7 @@ const FAULTS_SHOWN: usize = 20;
 
 pub(super) fn run(args: &StatsArgs, log: &Log) -> anyhow::Result<ExitCode> {
     let file = bvh::file::read(&args.tree)?;
-    let scene = args.scene.as_deref().map(|path| load_scene(path, args.triangles)).transpose()?;
+    let scene = args.scene.as_deref().map(|path| load_scene(path, args.triangles, &args.read)).transpose()?;
     if let Some(scene) = &scene {
         anyhow::ensure!(
             scene.hash == file.scene_hash,
@@ -43,6 +43,8 @@ pub(super) fn run(args: &StatsArgs, log: &Log) -> anyhow::Result<ExitCode> {
             json.insert("epo_drawn".into(), epo.map(|epo| epo.drawn).into());
             json.insert("tree_hash".into(), hash.into());
             json.insert("scene_hash".into(), file.scene_hash.into());
+            let notes = scene.as_ref().map(|scene| &scene.notes);
+            json.insert("notes".into(), serde_json::to_value(notes).context("notes as JSON")?);
         }
         print(&serde_json::to_string_pretty(&json)?)?;
     } else {

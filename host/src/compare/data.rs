@@ -5,6 +5,7 @@ use crate::bvh::DepthBound;
 use crate::device::DeviceInfo;
 use crate::optimize::IterationRow;
 use crate::report::{Machine, Phase, Program};
+use crate::scene::Note;
 use serde::{Deserialize, Serialize};
 
 /// Version of [`Comparison`] as JSON; grows when a key changes its meaning or goes away.
@@ -55,6 +56,8 @@ pub struct SceneComparison {
     pub hash: String,
     /// Triangles in the trees.
     pub triangles: u32,
+    /// What of its file was not read.
+    pub notes: Vec<Note>,
     /// A row per method, µ and device.
     pub rows: Vec<MethodRow>,
     /// The optimiser's runs, for the figures.

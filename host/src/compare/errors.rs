@@ -210,7 +210,7 @@ mod tests {
 
     fn scene(rows: Vec<MethodRow>, runs: Vec<OptimizerRun>) -> SceneComparison {
         let (name, hash, pictures) = (String::new(), String::new(), Vec::new());
-        SceneComparison { name, hash, triangles: 9, rows, runs, errors: None, pictures }
+        SceneComparison { name, hash, triangles: 9, notes: Vec::new(), rows, runs, errors: None, pictures }
     }
 
     fn known(cost: f64) -> ReferenceCost {

@@ -90,7 +90,8 @@ mod tests {
         };
         let runs = vec![run("lbvh", 0, 0.5, 108.0), run("slow", 0, 3.0, 107.0), run("prbvh", 9, 2.0, 100.0)];
         let (name, hash, pictures, rows) = ("hall".to_owned(), String::new(), Vec::new(), Vec::new());
-        let mut scene = SceneComparison { name, hash, triangles: 9, rows, runs, errors: None, pictures };
+        let mut scene =
+            SceneComparison { name, hash, triangles: 9, notes: Vec::new(), rows, runs, errors: None, pictures };
         scene.set_errors(None);
         scene
     }

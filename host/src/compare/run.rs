@@ -202,7 +202,8 @@ impl Runner<'_> {
         let triangles = u32::try_from(scene.triangles.len()).unwrap_or(u32::MAX);
         let pictures = state.views.into_pictures();
         let (name, hash) = (scene.name.clone(), scene.hash.clone());
-        let mut compared = SceneComparison { name, hash, triangles, rows, runs, errors: None, pictures };
+        let notes = scene.notes.clone();
+        let mut compared = SceneComparison { name, hash, triangles, notes, rows, runs, errors: None, pictures };
         compared.set_errors(known_cost(scene).as_ref());
         compared
     }

@@ -199,6 +199,7 @@ mod tests {
             name: "hall".to_owned(),
             hash: String::new(),
             triangles: 250_000,
+            notes: Vec::new(),
             rows,
             runs: Vec::new(),
             errors: None,

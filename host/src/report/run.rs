@@ -8,6 +8,7 @@ use crate::device::DeviceInfo;
 use crate::optimize::{IterationRow, RbvhSettings, WorstFirst};
 use crate::plan::{DeviceCode, Item};
 use crate::reference::ReferenceCost;
+use crate::scene::Note;
 use serde::Serialize;
 
 /// Version of [`RunReport`] as JSON; grows when a key changes its meaning or goes away.
@@ -138,6 +139,8 @@ pub struct SceneReport {
     pub hash: String,
     /// What the screening found.
     pub census: serde_json::Value,
+    /// What of its file was not read.
+    pub notes: Vec<Note>,
 }
 
 /// What was asked for.

@@ -103,6 +103,7 @@ pub(super) fn report(iterations: u32) -> RunReport {
             source: "sponza_crytek.obj.xz".to_owned(),
             hash: "ffeeddccbbaa99887766554433221100".to_owned(),
             census: serde_json::json!({ "duplicates": 7 }),
+            notes: Vec::new(),
         },
         device_details: DeviceInfo {
             name: "AMD EPYC 7763 64-Core Processor".to_owned(),

@@ -1,5 +1,6 @@
 //! Why a scene cannot be had. Each error names the file, the place in it and the value at fault.
 
+use super::note::{Note, in_a_line};
 use std::fmt;
 use std::io;
 
@@ -50,8 +51,8 @@ pub enum SceneError {
         /// Path.
         file: String,
     },
-    /// The extension is not known.
-    #[error("{file}: unknown extension \"{extension}\"; known are {known}")]
+    /// Neither the extension nor the first bytes tell a format.
+    #[error("{file}: unknown extension \"{extension}\", and the content tells no format; known are {known}")]
     Extension {
         /// Path.
         file: String,
@@ -111,10 +112,20 @@ pub enum SceneError {
         value: String,
     },
     /// There are no triangles.
-    #[error("{file}: no triangles")]
+    #[error("{file}: no triangles{}", after(.notes))]
     NoTriangles {
         /// Path.
         file: String,
+        /// What there was in their place.
+        notes: Vec<Note>,
+    },
+    /// Something of the file would be left out, and nothing may be.
+    #[error("{file}: not read whole: {}", in_a_line(.notes))]
+    NotWhole {
+        /// Path.
+        file: String,
+        /// What would be left out.
+        notes: Vec<Note>,
     },
     /// There are more triangles than a tree can hold.
     #[error("{file}: {count} triangles or more; at most {MAX_TRIANGLES} are possible")]
@@ -155,6 +166,10 @@ impl Blame<'_> {
             None => Ok(()),
         }
     }
+}
+
+fn after(notes: &[Note]) -> String {
+    if notes.is_empty() { String::new() } else { format!("; {}", in_a_line(notes)) }
 }
 
 /// Text of a file for a message: a binary file under a wrong name can have words of megabytes.

@@ -3,12 +3,18 @@
 mod built_in;
 mod census;
 mod error;
+mod faces;
+mod format;
 mod gltf;
+mod lines;
+mod note;
 mod obj;
 mod open;
 mod ply;
+mod polygon;
 mod range;
 mod stl;
+mod zstd;
 
 #[cfg(test)]
 mod tests;
@@ -17,10 +23,12 @@ pub use built_in::DEFAULT_TRIANGLES;
 pub(crate) use built_in::Noise;
 pub use census::{Census, duplicate_boxes};
 pub use error::{MAX_TRIANGLES, Place, SceneError};
+pub use format::{Format, NoSuchFormat};
+pub use note::Note;
 pub use range::SafeRange;
 
 use error::Blame;
-use open::Format;
+use note::Notes;
 use prbvh_kernel::setup::Triangle;
 use rayon::prelude::*;
 use std::path::Path;
@@ -42,6 +50,17 @@ pub struct Scene {
     pub hash: String,
     /// Bytes that normals, texture coordinates and colours of the file would take as float32; they are not read. 0 where there is no file.
     pub attribute_bytes: u64,
+    /// What of the file was not read, or not as the file means it. Empty where there is no file.
+    pub notes: Vec<Note>,
+}
+
+/// How a scene file is read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LoadOptions {
+    /// The format of the file; none: by its extension, or else by its first bytes.
+    pub format: Option<Format>,
+    /// Whether a file that is not read whole is refused ([`SceneError::NotWhole`]).
+    pub strict: bool,
 }
 
 /// What a reader makes of a file.
@@ -49,6 +68,7 @@ struct Loaded {
     triangles: Vec<Triangle>,
     /// See [`Scene::attribute_bytes`].
     attribute_bytes: u64,
+    notes: Notes,
 }
 
 /// Bytes of a number of an attribute.
@@ -86,31 +106,58 @@ impl Scene {
     /// A scene of triangles that are finite and not too many.
     fn screened(name: String, source: String, mut triangles: Vec<Triangle>) -> Result<Self, SceneError> {
         if triangles.is_empty() {
-            return Err(SceneError::NoTriangles { file: if source == "library" { name } else { source } });
+            let file = if source == "library" { name } else { source };
+            return Err(SceneError::NoTriangles { file, notes: Vec::new() });
         }
         // A reader does not know how many will come, and they stay for the whole run.
         triangles.shrink_to_fit();
         let (census, hash) = rayon::join(|| Census::of(&triangles), || hash(&triangles));
-        Ok(Self { name, source, triangles, census, hash, attribute_bytes: 0 })
+        Ok(Self { name, source, triangles, census, hash, attribute_bytes: 0, notes: Vec::new() })
     }
 }
 
-/// Loads a scene file: OBJ, PLY, STL, glTF or GLB by its extension, which `.xz`, `.gz` or `.zst` may follow.
+/// Loads a scene file: OBJ, PLY, STL, glTF or GLB by its extension, which `.xz`, `.gz` or `.zst` may follow, or else by its first bytes.
+/// `-` is standard input.
 ///
-/// Only positions and faces are read. Polygons become fans around their first corner.
+/// Only positions and faces are read. Polygons become triangles. What is left out is in [`Scene::notes`].
 ///
 /// # Errors
 /// A [`SceneError`] that names the file, the line or element, and the value at fault.
 pub fn load(path: &Path) -> Result<Scene, SceneError> {
-    let opened = open::open(path)?;
-    let (name, file) = (opened.name.clone(), opened.file.clone());
-    let Loaded { triangles, attribute_bytes } = match opened.format {
+    load_with(path, &LoadOptions::default())
+}
+
+/// [`load`], as the options say.
+///
+/// # Errors
+/// A [`SceneError`] that names the file, the line or element, and the value at fault.
+pub fn load_with(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
+    let opened = open::open(path, options)?;
+    let (name, file) = (opened.name.clone(), opened.origin.file.clone());
+    let (format, looks) = (opened.format, opened.looks);
+    let loaded = match format {
         Format::Obj => obj::read(opened),
         Format::Ply => ply::read(opened),
         Format::Stl => stl::read(opened),
         Format::Gltf => gltf::read(opened, path),
-    }?;
-    Ok(Scene { attribute_bytes, ..Scene::screened(name, file, triangles)? })
+    };
+    let scene = loaded.and_then(|Loaded { triangles, attribute_bytes, notes }| {
+        let notes = notes.into_vec();
+        if triangles.is_empty() {
+            return Err(SceneError::NoTriangles { file: file.clone(), notes });
+        }
+        if options.strict && !notes.is_empty() {
+            return Err(SceneError::NotWhole { file: file.clone(), notes });
+        }
+        Ok(Scene { attribute_bytes, notes, ..Scene::screened(name, file.clone(), triangles)? })
+    });
+    match (scene, looks) {
+        // A wrong extension explains more than what follows from it.
+        (Err(SceneError::Format { .. } | SceneError::NoTriangles { .. }), Some(looks)) if looks != format => {
+            Err(Blame(&file).format(Place::File, format!("read as {format}, but it begins as {looks} does")))
+        }
+        (scene, _) => scene,
+    }
 }
 
 /// The built-in scene of exactly `triangles` triangles (at least 1, at most [`MAX_TRIANGLES`]): a hall with columns and arches,
@@ -120,7 +167,15 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
 pub fn built_in(triangles: usize) -> Scene {
     let triangles = built_in::hall(triangles.clamp(1, MAX_TRIANGLES as usize));
     let (census, hash) = rayon::join(|| Census::of(&triangles), || hash(&triangles));
-    Scene { name: "hall".into(), source: "built-in".into(), triangles, census, hash, attribute_bytes: 0 }
+    Scene {
+        name: "hall".into(),
+        source: "built-in".into(),
+        triangles,
+        census,
+        hash,
+        attribute_bytes: 0,
+        notes: Vec::new(),
+    }
 }
 
 fn is_finite(t: &Triangle) -> bool {

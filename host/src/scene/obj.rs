@@ -1,207 +1,186 @@
-//! Wavefront OBJ: `v` and `f` statements; all others are passed over.
+//! Wavefront OBJ: the polygons of `v` and `f` statements.
+//!
+//! Statements end with their line, or go on after a backslash; `#` starts a comment. Neither holds for a statement that names something:
+//! a Windows path may end in a backslash, and a material may be called `#1`.
 
 use super::error::{Blame, Place, SceneError, shorten};
+use super::faces::Faces;
+use super::lines::{Line, is_blank, words};
+use super::note::Notes;
 use super::open::Opened;
 use super::{ATTRIBUTE_NUMBER, Loaded};
-use prbvh_kernel::setup::Triangle;
-use std::io::{self, BufRead, Read};
-use tobj::LoadOptions;
 
-/// Reads an OBJ file. Polygons become fans; faces of fewer than three corners hold no triangle.
-pub(super) fn read(mut opened: Opened) -> Result<Loaded, SceneError> {
-    let options = LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
-    let mut statements = Statements::new(&mut opened);
-    let loaded = tobj::load_obj_buf(&mut statements, &options, |_| Ok(Default::default()));
-    let fault = statements.fault.take();
-    let attribute_bytes = statements.attributes * ATTRIBUTE_NUMBER;
-    let blame = Blame(&opened.file);
-    let (models, _) = match (loaded, fault) {
-        (_, Some(Fault::Scene(fault))) => return Err(fault),
-        (_, Some(Fault::Read(fault))) => return Err(opened.fault(fault)),
-        (Err(fault), None) => return Err(blame.format(Place::File, fault.to_string())),
-        (Ok(loaded), None) => loaded,
-    };
-    let mut triangles = Vec::new();
-    for tobj::Model { mesh, .. } in models {
-        let (corners, _) = mesh.positions.as_chunks::<3>();
-        let (faces, _) = mesh.indices.as_chunks::<3>();
-        triangles.reserve(faces.len());
-        triangles.extend(faces.iter().map(|face| {
-            let [a, b, c] = face.map(|index| corners[index as usize]);
-            Triangle { a, b, c }
-        }));
+/// Statements whose words are names.
+const NAMES: [&str; 10] = ["usemtl", "mtllib", "o", "g", "usemap", "maplib", "shadow_obj", "trace_obj", "call", "csh"];
+
+/// Statements that hold no triangles: attributes, groups, looks, and what only matters to curves and surfaces.
+const WITHOUT_TRIANGLES: [&str; 25] = [
+    "vn", "vt", "vp", "s", "mg", "bevel", "c_interp", "d_interp", "lod", "ctech", "stech", "cstype", "deg", "bmat",
+    "step", "parm", "trim", "hole", "scrv", "sp", "end", "con", "curv2", "res", "mtl",
+];
+
+/// Statements that hold a shape which is not read, with what it is.
+const SHAPES: [(&str, &str); 10] = [
+    ("p", "points"),
+    ("l", "lines"),
+    ("curv", "curves"),
+    ("surf", "surfaces"),
+    ("bsp", "B-spline patches"),
+    ("bzp", "Bézier patches"),
+    ("cdc", "Cardinal curves"),
+    ("cdp", "Cardinal patches"),
+    ("call", "the statements of another file"),
+    ("csh", "commands"),
+];
+
+/// Reads an OBJ file.
+pub(super) fn read(opened: Opened) -> Result<Loaded, SceneError> {
+    let file = opened.origin.file.clone();
+    let mut lines = opened.lines()?;
+    let mut statements = Statements::new(Blame(&file));
+    // What a backslash joined so far, and its first line.
+    let mut joined: Option<(u64, Vec<u8>)> = None;
+    while let Some(Line { number, text }) = lines.next()? {
+        let text = text.trim_ascii_start();
+        if joined.is_none() && is_name(text) {
+            statements.read(number, text)?;
+            continue;
+        }
+        let text = before_comment(text).trim_ascii_end();
+        let (part, goes_on) = text.strip_suffix(b"\\").map_or((text, false), |part| (part, true));
+        match &mut joined {
+            None if !goes_on => statements.read(number, part)?,
+            None => joined = Some((number, [part, b" "].concat())),
+            Some((first, whole)) => {
+                whole.extend_from_slice(part);
+                whole.push(b' ');
+                if !goes_on {
+                    statements.read(*first, whole)?;
+                    joined = None;
+                }
+            }
+        }
     }
-    Ok(Loaded { triangles, attribute_bytes })
+    if let Some((first, whole)) = joined {
+        statements.read(first, &whole)?;
+    }
+    statements.finish()
 }
 
-/// Why the text ended early.
-enum Fault {
-    Scene(SceneError),
-    Read(io::Error),
+fn before_comment(text: &[u8]) -> &[u8] {
+    text.split(|byte| *byte == b'#').next().unwrap_or_default()
 }
 
-/// The `v` and `f` statements of a file in the plainest form: three coordinates, positive indices of positions.
-///
-/// tobj tells neither the line nor the value of a fault, and some faults of texture and normal indices, which are of no
-/// use here, make it panic. So every statement is checked on its way to it.
+/// Whether the first word of a line is one that names something.
+fn is_name(text: &[u8]) -> bool {
+    // Nearly all lines begin with one of these letters, and none of the names does.
+    !matches!(text.first(), None | Some(b'v' | b'f' | b'#'))
+        && words(text).next().is_some_and(|word| is_one_of(word, &NAMES))
+}
+
+fn is_one_of(word: &[u8], names: &[&str]) -> bool {
+    names.iter().any(|name| word.eq_ignore_ascii_case(name.as_bytes()))
+}
+
+fn is_statement(word: &[u8]) -> bool {
+    is_one_of(word, &["v", "f", "fo"])
+        || is_one_of(word, &WITHOUT_TRIANGLES)
+        || is_one_of(word, &NAMES)
+        || shape(word).is_some()
+}
+
+/// The statement that holds a shape which is not read, and what that is.
+fn shape(word: &[u8]) -> Option<&'static (&'static str, &'static str)> {
+    SHAPES.iter().find(|(name, _)| word.eq_ignore_ascii_case(name.as_bytes()))
+}
+
+/// The statements so far.
 struct Statements<'a> {
-    opened: &'a mut Opened,
-    line: Vec<u8>,
-    line_number: u64,
-    text: Vec<u8>,
-    read: usize,
-    vertices: u64,
-    triangles: u64,
+    blame: Blame<'a>,
+    vertices: Vec<[f32; 3]>,
+    /// A face may come before its vertices.
+    faces: Faces,
     /// Numbers of normals and texture coordinates.
     attributes: u64,
-    /// The greatest index so far, and its line: a face may come before its vertices.
-    greatest: (u64, u64),
-    fault: Option<Fault>,
+    notes: Notes,
 }
-
-/// Text handed on at a time.
-const TEXT_BYTES: usize = 32 * 1024;
 
 impl<'a> Statements<'a> {
-    fn new(opened: &'a mut Opened) -> Self {
-        Self {
-            opened,
-            line: Vec::new(),
-            line_number: 0,
-            text: Vec::new(),
-            read: 0,
-            vertices: 0,
-            triangles: 0,
-            attributes: 0,
-            greatest: (0, 0),
-            fault: None,
-        }
+    fn new(blame: Blame<'a>) -> Self {
+        let faces = Faces::new(Place::Line, 1);
+        Self { blame, vertices: Vec::new(), faces, attributes: 0, notes: Notes::default() }
     }
 
-    /// Fills `text` with the next statements; leaves it empty at the end.
-    fn refill(&mut self) -> Result<(), Fault> {
-        self.text.clear();
-        self.read = 0;
-        while self.text.len() < TEXT_BYTES {
-            let first = self.line_number + 1;
-            if !self.next_line().map_err(Fault::Read)? {
-                return self.finish().map_err(Fault::Scene);
-            }
-            self.statement(Place::Line(first)).map_err(Fault::Scene)?;
-        }
-        Ok(())
-    }
-
-    /// Reads a line, with those that a backslash joins to it. False at the end.
-    fn next_line(&mut self) -> io::Result<bool> {
-        self.line.clear();
-        loop {
-            let start = self.line.len();
-            if self.opened.bytes.read_until(b'\n', &mut self.line)? == 0 {
-                return Ok(start > 0);
-            }
-            self.line_number += 1;
-            let length = self.line.trim_ascii_end().len();
-            if length <= start || self.line[length - 1] != b'\\' {
-                return Ok(true);
-            }
-            self.line.truncate(length - 1);
-            self.line.push(b' ');
-        }
-    }
-
-    fn statement(&mut self, place: Place) -> Result<(), SceneError> {
-        let blame = Blame(&self.opened.file);
-        let mut words = self.line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+    fn read(&mut self, line: u64, text: &[u8]) -> Result<(), SceneError> {
+        let mut words = words(text);
         match words.next() {
-            Some(b"v") => {
-                self.text.push(b'v');
-                for axis in ["x", "y", "z"] {
-                    let word = words.next().ok_or_else(|| blame.format(place, format!("the vertex has no {axis}")))?;
-                    check_coordinate(blame, place, word)?;
-                    self.text.push(b' ');
-                    self.text.extend_from_slice(word);
-                }
-                self.text.push(b'\n');
-                self.vertices += 1;
-            }
-            Some(b"f") => {
-                let start = self.text.len();
-                let mut corners = 0;
-                self.text.push(b'f');
-                for word in words {
-                    let index = corner_index(blame, place, word, self.vertices)?;
-                    if index > self.greatest.0 {
-                        self.greatest = (index, self.line_number);
-                    }
-                    self.text.extend_from_slice(format!(" {index}").as_bytes());
-                    corners += 1;
-                }
-                self.text.push(b'\n');
-                if corners < 3 {
-                    self.text.truncate(start);
-                } else {
-                    self.triangles += corners - 2;
-                    blame.limit(self.triangles)?;
-                }
-            }
+            None => {}
+            Some(b"v" | b"V") => self.vertex(Place::Line(line), words)?,
+            // `fo` is what version 2 of the format called it.
+            Some(b"f" | b"F" | b"fo" | b"FO") => self.face(line, words)?,
             Some(b"vn" | b"vt") => self.attributes += words.count() as u64,
-            _ => {}
+            Some(word) => self.other(Place::Line(line), word, text),
         }
         Ok(())
     }
 
-    fn finish(&self) -> Result<(), SceneError> {
-        let (index, line) = self.greatest;
-        if index > self.vertices {
-            return Err(Blame(&self.opened.file).index(Place::Line(line), index, self.vertices));
+    /// A vertex; a weight or a colour may follow the coordinates.
+    fn vertex<'w>(&mut self, place: Place, mut words: impl Iterator<Item = &'w [u8]>) -> Result<(), SceneError> {
+        let mut vertex = [0.0; 3];
+        for (value, axis) in vertex.iter_mut().zip(["x", "y", "z"]) {
+            let missing = || self.blame.format(place, format!("the vertex has no {axis}"));
+            let word = words.next().ok_or_else(missing)?;
+            *value = number(self.blame, place, word)?;
+            if !value.is_finite() {
+                return Err(self.blame.not_finite(place, String::from_utf8_lossy(word)));
+            }
         }
+        // A backslash too many joins the next statement, which must not get lost.
+        if let Some(word) = words.find(|word| is_statement(word)) {
+            return Err(self.blame.format(place, format!("\"{}\" is not a number", shorten(word))));
+        }
+        self.vertices.push(vertex);
         Ok(())
     }
-}
 
-fn check_coordinate(blame: Blame<'_>, place: Place, word: &[u8]) -> Result<(), SceneError> {
-    match str::from_utf8(word).ok().and_then(|word| word.parse::<f32>().ok()) {
-        Some(value) if value.is_finite() => Ok(()),
-        Some(_) => Err(blame.not_finite(place, String::from_utf8_lossy(word))),
-        None => Err(blame.format(place, format!("\"{}\" is not a number", shorten(word)))),
+    fn face<'w>(&mut self, line: u64, words: impl Iterator<Item = &'w [u8]>) -> Result<(), SceneError> {
+        for word in words {
+            let vertex = corner(self.blame, Place::Line(line), word, self.vertices.len() as u64)?;
+            self.faces.corner(vertex);
+        }
+        self.faces.end(self.blame, line, &mut self.notes)
+    }
+
+    /// A statement that makes no triangles.
+    fn other(&mut self, place: Place, word: &[u8], text: &[u8]) {
+        if let Some((name, what)) = shape(word) {
+            self.notes.add(place, format!("statement \"{name}\" ({what}) is not read"));
+        } else if !is_statement(word) && !is_blank(text) {
+            self.notes.add(place, format!("statement \"{}\" is not known", shorten(word)));
+        }
+    }
+
+    fn finish(mut self) -> Result<Loaded, SceneError> {
+        let mut triangles = Vec::new();
+        self.faces.triangles(self.blame, &self.vertices, &mut triangles, &mut self.notes)?;
+        let attribute_bytes = self.attributes * ATTRIBUTE_NUMBER;
+        Ok(Loaded { triangles, attribute_bytes, notes: self.notes })
     }
 }
 
-/// The index of a position, from 1, of a corner such as `7`, `-1`, `7/1`, `7/1/3` or `7//3`.
-fn corner_index(blame: Blame<'_>, place: Place, word: &[u8], vertices: u64) -> Result<u64, SceneError> {
+fn number(blame: Blame<'_>, place: Place, word: &[u8]) -> Result<f32, SceneError> {
+    let value = str::from_utf8(word).ok().and_then(|word| word.parse().ok());
+    value.ok_or_else(|| blame.format(place, format!("\"{}\" is not a number", shorten(word))))
+}
+
+/// The vertex, from 0, of a corner such as `7`, `-1`, `7/1`, `7/1/3` or `7//3`, which count from 1, or back from the last vertex so far.
+fn corner(blame: Blame<'_>, place: Place, word: &[u8], vertices: u64) -> Result<u32, SceneError> {
     let position = word.split(|byte| *byte == b'/').next().unwrap_or_default();
     let index = str::from_utf8(position).ok().and_then(|digits| digits.parse::<i64>().ok());
     let index = index.ok_or_else(|| blame.format(place, format!("\"{}\" is not a vertex index", shorten(word))))?;
-    let absolute =
-        if index < 0 { vertices.checked_sub(index.unsigned_abs()).map(|i| i + 1) } else { Some(index as u64) };
-    match absolute {
-        Some(absolute) if absolute > 0 => Ok(absolute),
-        _ => Err(blame.index(place, index, vertices)),
-    }
-}
-
-impl BufRead for Statements<'_> {
-    fn fill_buf(&mut self) -> io::Result<&[u8]> {
-        if self.read == self.text.len()
-            && self.fault.is_none()
-            && let Err(fault) = self.refill()
-        {
-            self.fault = Some(fault);
-            return Err(io::Error::other("see Statements::fault"));
-        }
-        Ok(&self.text[self.read..])
-    }
-
-    fn consume(&mut self, bytes: usize) {
-        self.read += bytes;
-    }
-}
-
-impl Read for Statements<'_> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let count = self.fill_buf()?.read(buffer)?;
-        self.consume(count);
-        Ok(count)
-    }
+    let vertex = match index {
+        ..0 => vertices.checked_sub(index.unsigned_abs()),
+        _ => (index as u64).checked_sub(1),
+    };
+    vertex.and_then(|vertex| u32::try_from(vertex).ok()).ok_or_else(|| blame.index(place, index, vertices))
 }

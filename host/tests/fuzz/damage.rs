@@ -54,8 +54,28 @@ const NUMBERS: [&str; 16] = [
     "16777216",
 ];
 
-const PIECES: [&str; 12] =
-    [" ", "\n", "\\\n", "/", "f 1", "f -1 -1 -1\n", "[", "{}", "\"", "\0", "element face 4294967295\n", "solid x\n"];
+const PIECES: [&str; 20] = [
+    " ",
+    "\n",
+    "\r",
+    "\\\n",
+    "\\\r\n",
+    "#",
+    "\u{feff}",
+    "/",
+    "f 1",
+    "f -1 -1 -1\n",
+    "f 1 2 3 4 3 2 1\n",
+    "[",
+    "{}",
+    "\"",
+    "\0",
+    "element face 4294967295\n",
+    "element tristrips 3\n",
+    "property list int int vertex_indices\n",
+    "solid x\n",
+    "endfacet\n",
+];
 
 fn word() -> impl Strategy<Value = u32> {
     let floats = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, -0.0, 1e-45].map(f32::to_bits);

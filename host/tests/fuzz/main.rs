@@ -47,6 +47,11 @@ fn gltf() {
 }
 
 #[test]
+fn content() {
+    fuzz_files("content");
+}
+
+#[test]
 fn packed() {
     fuzz_files("packed");
 }

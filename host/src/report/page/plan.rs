@@ -62,6 +62,7 @@ mod tests {
             name: String::new(),
             hash: String::new(),
             triangles: 1,
+            notes: Vec::new(),
             rows: Vec::new(),
             runs,
             errors: None,

@@ -240,6 +240,7 @@ mod tests {
                 name: String::new(),
                 hash: String::new(),
                 triangles: 0,
+                notes: Vec::new(),
                 rows: rows.to_vec(),
                 runs: Vec::new(),
                 errors: None,

@@ -1,5 +1,7 @@
 //! Transforms of nodes in float64, rounded to float32 once, at the corner.
 
+use super::document::Node;
+
 /// An affine map: three rows of a 3 × 4 matrix.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Transform([[f64; 4]; 3]);
@@ -8,20 +10,22 @@ impl Transform {
     pub(super) const IDENTITY: Self = Self([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]);
 
     /// The map of a node, from its own space to that of its parent.
-    pub(super) fn of(transform: &gltf::scene::Transform) -> Self {
-        match transform {
+    pub(super) fn of(node: &Node) -> Self {
+        if let Some(matrix) = node.matrix {
             // The matrix is stored by columns.
-            gltf::scene::Transform::Matrix { matrix } => {
-                Self([0, 1, 2].map(|row| [0, 1, 2, 3].map(|column| f64::from(matrix[column][row]))))
-            }
-            gltf::scene::Transform::Decomposed { translation, rotation, scale } => {
-                let rotation = rotation_matrix(rotation.map(f64::from));
-                Self([0, 1, 2].map(|row| {
-                    let [x, y, z] = [0, 1, 2].map(|column| rotation[row][column] * f64::from(scale[column]));
-                    [x, y, z, f64::from(translation[row])]
-                }))
-            }
+            return Self([0, 1, 2].map(|row| [0, 1, 2, 3].map(|column| f64::from(matrix[4 * column + row]))));
         }
+        let rotation = node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
+        Self::decomposed(node.translation.unwrap_or_default(), rotation, node.scale.unwrap_or([1.0; 3]))
+    }
+
+    /// First the scale, then the rotation by a quaternion x, y, z, w, then the translation.
+    pub(super) fn decomposed(translation: [f32; 3], rotation: [f32; 4], scale: [f32; 3]) -> Self {
+        let rotation = rotation_matrix(rotation.map(f64::from));
+        Self([0, 1, 2].map(|row| {
+            let [x, y, z] = [0, 1, 2].map(|column| rotation[row][column] * f64::from(scale[column]));
+            [x, y, z, f64::from(translation[row])]
+        }))
     }
 
     /// `self` after `inner`.

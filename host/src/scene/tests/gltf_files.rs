@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 const BASE64: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 
-fn base64(bytes: &[u8]) -> String {
+pub(super) fn base64(bytes: &[u8]) -> String {
     let group = |bytes: &[u8]| {
         let word = (0..3).fold(0_u32, |word, i| word << 8 | u32::from(*bytes.get(i).unwrap_or(&0)));
         (0..4)

@@ -2,10 +2,15 @@
 
 mod bad_input;
 mod built_in;
+mod cases;
 mod census;
 mod formats;
 mod gltf_files;
+mod gltf_relatives;
+mod names;
+mod polygons;
 mod range;
+mod relatives;
 mod shared;
 
 use super::*;
@@ -102,4 +107,35 @@ fn stl_text(triangles: &[Triangle]) -> String {
         format!("facet normal 0 0 0\nouter loop\n{}{}{}endloop\nendfacet\n", vertex(t.a), vertex(t.b), vertex(t.c))
     };
     format!("solid\n{}endsolid\n", triangles.iter().map(facet).collect::<String>())
+}
+
+/// The notes as a user sees them.
+fn said(scene: &Scene) -> Vec<String> {
+    scene.notes.iter().map(ToString::to_string).collect()
+}
+
+trait Area {
+    fn area(&self) -> f64;
+}
+
+impl Area for Triangle {
+    fn area(&self) -> f64 {
+        let [u, v] = [self.b, self.c].map(|to| [0, 1, 2].map(|k| f64::from(to[k]) - f64::from(self.a[k])));
+        let cross = [0, 1, 2].map(|k| u[(k + 1) % 3] * v[(k + 2) % 3] - u[(k + 2) % 3] * v[(k + 1) % 3]);
+        0.5 * cross.iter().map(|x| x * x).sum::<f64>().sqrt()
+    }
+}
+
+/// Asserts that these are the halves of the unit square in the plane of x and y.
+#[track_caller]
+fn assert_square(name: &str, triangles: &[Triangle]) {
+    assert_eq!(triangles.len(), 2, "{name}");
+    let corners = |t: &Triangle| [t.a, t.b, t.c].map(|corner| corner.map(|x| x as i32));
+    let mut all: Vec<_> = triangles.iter().flat_map(corners).collect();
+    // Each lacks a corner, and these two are opposite.
+    assert_eq!([0, 1].map(|k| all.iter().map(|corner| corner[k]).sum::<i32>()), [3, 3], "{name}");
+    all.sort_unstable();
+    all.dedup();
+    assert_eq!(all, [[0, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0]], "{name}");
+    assert_eq!(triangles.iter().map(Area::area).collect::<Vec<_>>(), [0.5, 0.5], "{name}");
 }
