@@ -215,7 +215,7 @@ mod tests {
     use super::*;
 
     fn names(paths: &[&str]) -> Vec<String> {
-        let scenes: Vec<Named> = paths.iter().map(|path| Named { path: path.into(), triangles: None }).collect();
+        let scenes: Vec<Named> = paths.iter().map(|path| Named { path: path.into(), triangles: None, read: Default::default() }).collect();
         folder_names(&scenes).unwrap()
     }
 

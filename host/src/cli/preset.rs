@@ -58,7 +58,7 @@ mod tests {
             let limited =
                 settings(&format!("--preset {name} --max-time 2 --max-iterations 7 --morton-bits 30")).unwrap();
             let limits = match &limited.optimizer {
-                Optimizer::Rbvh(settings) => settings.limits,
+                Optimizer::Rbvh(settings) => settings.limits.clone(),
                 Optimizer::Prbvh | Optimizer::None => limited.prbvh.limits,
             };
             assert_eq!((limits.max_time, limits.max_iterations), (Some(Duration::from_secs(2)), 7), "{name}");

@@ -34,7 +34,8 @@ pub(super) struct Named {
     pub(super) path: PathBuf,
     /// Of the built-in scene.
     pub(super) triangles: Option<usize>,
-    read: ReadArgs,
+    /// How it is read.
+    pub(super) read: ReadArgs,
 }
 
 impl Named {

@@ -29,7 +29,7 @@ pub(super) enum Cell {
 }
 
 /// From left to right, after the method.
-pub(super) const COLUMNS: [Column; 21] = [
+pub(super) const COLUMNS: [Column; 22] = [
     Column {
         name: "µ",
         unit: "",
