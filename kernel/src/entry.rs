@@ -63,6 +63,20 @@ macro_rules! kernels {
                 }
             }
 
+            /// Its SPIR-V module, little-endian.
+            #[cfg(feature = "spirv")]
+            #[must_use]
+            pub const fn spirv(self) -> &'static [u8] {
+                match self {
+                    $(
+                        $(#[$cfg])*
+                        Self::$variant => {
+                            include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/spv/", stringify!($name), ".spv"))
+                        }
+                    )+
+                }
+            }
+
             /// Invocations that take about as long as to hand them to another thread.
             fn grain(self) -> u32 {
                 match self {

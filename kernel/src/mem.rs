@@ -6,7 +6,7 @@
 //! |---|---|
 //! | `&[T]` | nobody writes it |
 //! | `&[Slot<T>]` | element `k` is touched by one invocation only |
-//! | `&[AtomicU32]`, `&[AtomicU64]`, `&[AtomicNode](crate::node::AtomicNode)` | anybody may touch it |
+//! | `&[AtomicU32]`, `&[AtomicU64]`, and structs of them ([`AtomicWords`]) | anybody may touch it |
 //!
 //! Natively all of them are relaxed atomics, so a broken contract is a wrong answer that a test can find, never undefined
 //! behaviour. On the GPU atomics have `QueueFamily` scope (`Device` needs one more feature), and a [`Slot`] is a plain
@@ -252,12 +252,43 @@ pub fn prefetch<T>(slice: &[T], index: u32) {
     let _ = (slice, index);
 }
 
-/// A shared view, as nodes that many invocations may touch, of memory that the caller holds exclusively.
+/// A struct of [`AtomicU32`]s, each in the place of a word of a plain struct; [`atomic_words!`] makes it one.
+///
+/// # Safety
+/// Both have the same size, and nothing but words that are atomic here.
 #[cfg(not(target_arch = "spirv"))]
-#[must_use]
-pub fn atomic_nodes(nodes: &mut [crate::node::Node]) -> &[crate::node::AtomicNode] {
-    let length = nodes.len();
-    // SAFETY: `AtomicNode` is `Node` with each of its eight words atomic (sizes asserted in `node`), and `&mut` excludes
-    // every other view for as long as this one lives.
-    unsafe { core::slice::from_raw_parts(nodes.as_mut_ptr().cast::<crate::node::AtomicNode>(), length) }
+pub unsafe trait AtomicWords: Sized {
+    /// The plain struct.
+    type Plain: Pod;
+
+    /// A shared view of memory that the caller holds exclusively.
+    #[must_use]
+    fn from_mut_slice(plain: &mut [Self::Plain]) -> &[Self] {
+        let length = plain.len();
+        // SAFETY: same words in the same places, each atomic in the view, and `&mut` excludes every other view for as long as this one lives.
+        unsafe { core::slice::from_raw_parts(plain.as_mut_ptr().cast::<Self>(), length) }
+    }
 }
+
+/// Makes a struct the [`AtomicWords`] of a plain one; takes all of its fields.
+macro_rules! atomic_words {
+    ($atomic:ident { $($field:ident),+ $(,)? } of $plain:ty) => {
+        const _: () = {
+            assert!(size_of::<$atomic>() == size_of::<$plain>() && align_of::<$atomic>() == align_of::<$plain>());
+        };
+
+        // SAFETY: the sizes are equal, and the pattern below names every field and takes none that is not an atomic word.
+        #[cfg(not(target_arch = "spirv"))]
+        #[allow(unsafe_code, reason = "checked here, for each struct")]
+        unsafe impl $crate::mem::AtomicWords for $atomic {
+            type Plain = $plain;
+        }
+
+        #[cfg(not(target_arch = "spirv"))]
+        const _: fn(&$atomic) = |$atomic { $($field),+ }| {
+            $(let _: &$crate::mem::AtomicU32 = $field;)+
+        };
+    };
+}
+
+pub(crate) use atomic_words;

@@ -101,4 +101,4 @@ macro_rules! writable_view {
 writable_view!(Slot<T>, T, Slot::from_mut_slice, T);
 writable_view!(AtomicU32, u32, AtomicU32::from_mut_slice);
 writable_view!(AtomicU64, u64, AtomicU64::from_mut_slice);
-writable_view!(AtomicNode, Node, mem::atomic_nodes);
+writable_view!(AtomicNode, Node, mem::AtomicWords::from_mut_slice);

@@ -16,7 +16,7 @@
 
 use crate::aabb::Aabb;
 use crate::math::select;
-use crate::mem::{AtomicU32, prefetch};
+use crate::mem::{AtomicU32, atomic_words, prefetch};
 use bytemuck::{Pod, Zeroable};
 
 /// Set in [`Node::up`] of a right child, whose other bits are its parent.
@@ -187,8 +187,8 @@ pub struct AtomicNode {
     down: AtomicU32,
 }
 
-const _: () = assert!(size_of::<Node>() == 32 && size_of::<AtomicNode>() == 32);
-const _: () = assert!(align_of::<Node>() == align_of::<AtomicNode>());
+const _: () = assert!(size_of::<Node>() == 32);
+atomic_words!(AtomicNode { min_x, min_y, min_z, up, max_x, max_y, max_z, down } of Node);
 
 impl AtomicNode {
     /// The node's box.

@@ -1,8 +1,8 @@
 //! The devices that every test runs on.
 
-use prbvh::device::Device;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::vulkan::{self, DeviceSummary, VulkanDevice};
+use prbvh::device::{Device, Selection};
 use prbvh_cpu_sim::Order;
 use std::cell::RefCell;
 use std::sync::OnceLock;
@@ -54,7 +54,7 @@ pub fn vulkan_devices() -> Vec<(String, Box<dyn Device>)> {
     assert!(!usable.is_empty(), "no Vulkan device can run the kernels: see `prbvh devices`");
     let validate = validation_is_installed();
     let open = |device: DeviceSummary| {
-        let opened = VulkanDevice::open(vulkan::Selection::Index(device.index), validate)
+        let opened = VulkanDevice::open(Selection::Index(device.index), validate)
             .unwrap_or_else(|error| panic!("{}: {error}", device.name));
         (device.name, Box::new(opened) as Box<dyn Device>)
     };
@@ -76,7 +76,7 @@ pub fn without_vulkan() -> bool {
 #[must_use]
 pub fn validation_is_installed() -> bool {
     static INSTALLED: OnceLock<bool> = OnceLock::new();
-    *INSTALLED.get_or_init(|| match VulkanDevice::open(vulkan::Selection::Automatic, true) {
+    *INSTALLED.get_or_init(|| match VulkanDevice::open(Selection::Automatic, true) {
         Ok(_) => true,
         Err(error) => {
             eprintln!("without validation: {error}");

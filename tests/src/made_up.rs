@@ -1,11 +1,11 @@
 //! A comparison without a measurement: numbers of a realistic size and shape, the same every time.
 
-use prbvh::compare::{
-    AgainstRbvh, Comparison, MethodRow, OptimizerRun, Picture, Purpose, RayRates, RaySettings, SCHEMA, SceneComparison,
-};
 use prbvh::device::{DeviceInfo, DeviceKind};
 use prbvh::optimize::IterationRow;
-use prbvh::report::{Machine, Phase, Program};
+use prbvh_lab::compare::{
+    AgainstRbvh, Comparison, MethodRow, OptimizerRun, Picture, Purpose, RayRates, RaySettings, SCHEMA, SceneComparison,
+};
+use prbvh_lab::report::{Machine, Phase, Program};
 
 const SCENES: [(&str, u32); 10] = [
     ("conference", 331_179),

@@ -2,13 +2,13 @@
 //! with it.
 
 use crate::planted::{Planted, change};
-use prbvh::accuracy::Candidate;
 use prbvh::device::{Device, DeviceError, Dispatch};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::node::{Links, NO_NODE, Node, ROOT};
 use prbvh_kernel::prbvh::search::checked_area_decrease;
 use prbvh_kernel::prbvh::{Move, PrbvhParams};
+use prbvh_lab::accuracy::Candidate;
 use rayon::prelude::*;
 
 /// A device with another search: for every input node, a reinsertion as it is to be locked.

@@ -1,6 +1,5 @@
 //! The numbers of runs against f64: green on every device, and red where a fault is planted.
 
-use prbvh::accuracy::{AccuracyReport, AccuracyRow, BreachKind, F32_COST_BOUND, NumericsCheck};
 use prbvh::build::DeviceTree;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{Buffer, Device, DeviceError, DeviceInfo, Dispatch, MemoryUse, Recording, Timing};
@@ -11,6 +10,7 @@ use prbvh_kernel::Kernel;
 use prbvh_kernel::cost::CostParams;
 use prbvh_kernel::prbvh::Move;
 use prbvh_kernel::status::{FOUND, PREDICTED};
+use prbvh_lab::accuracy::{AccuracyReport, AccuracyRow, BreachKind, F32_COST_BOUND, NumericsCheck};
 use prbvh_tests::command::run;
 use prbvh_tests::devices::devices;
 use prbvh_tests::numerics::fresh_sum::Walks;

@@ -1,11 +1,11 @@
 //! `prbvh compare` as a user runs it.
 
 use prbvh::bvh::MaxDepth;
-use prbvh::compare::{CompareSettings, MethodSettings, RaySettings, compare as compare_scenes, jobs};
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{self, Buffer, Device, DeviceError};
 use prbvh::scene::built_in;
 use prbvh::stop::Stop;
+use prbvh_lab::compare::{CompareSettings, MethodSettings, RaySettings, compare as compare_scenes, jobs};
 use prbvh_tests::command::{Ended, run, start};
 use prbvh_tests::devices::without_vulkan;
 use serde_json::Value;

@@ -6,9 +6,9 @@ use prbvh::bvh::{
 use prbvh::collapse::CollapseSettings;
 use prbvh::pipeline::{Initial, Optimized, Optimizer, Settings, optimize};
 use prbvh::scene::{Scene, built_in};
-use prbvh::stability::CATALOGUE;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::setup::Triangle;
+use prbvh_lab::stability::CATALOGUE;
 use prbvh_tests::command::{Ended, run};
 use prbvh_tests::devices::{with_devices, without_vulkan};
 use prbvh_tests::fixtures::soup;

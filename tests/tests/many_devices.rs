@@ -1,8 +1,8 @@
 //! A process that opens devices again and again, from any thread: drivers were seen to crash it, at its end too, so it is a process of its own.
 
 use bytemuck::cast_slice_mut;
-use prbvh::device::vulkan::{Selection, VulkanDevice};
-use prbvh::device::{Device, Recording};
+use prbvh::device::vulkan::VulkanDevice;
+use prbvh::device::{Device, Recording, Selection};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::sort::GatherParams;
 use prbvh_tests::devices::{validation_is_installed, without_vulkan};

@@ -1,7 +1,7 @@
 //! The page of a comparison, in a real browser.
 
-use prbvh::compare::{Comparison, Purpose};
-use prbvh::report::page;
+use prbvh_lab::compare::{Comparison, Purpose};
+use prbvh_lab::page;
 use prbvh_tests::browser::{Browser, View};
 use prbvh_tests::made_up::{self, METHODS};
 use serde_json::Value;

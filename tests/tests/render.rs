@@ -4,11 +4,13 @@ use prbvh::build::{MortonBits, lbvh};
 use prbvh::bvh::{Bvh, ROOT};
 use prbvh::device::cpu::CpuDevice;
 use prbvh::pipeline::{Settings, optimize};
-use prbvh::render::{Camera, RenderError, RenderSettings, Rendering, clear_view, heat_map, render, shaded, write_png};
 use prbvh::scene::{SafeRange, Scene, built_in};
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::setup::Triangle;
 use prbvh_kernel::trace::path::pixel;
+use prbvh_lab::render::{
+    Camera, RenderError, RenderSettings, Rendering, clear_view, heat_map, render, shaded, write_png,
+};
 use prbvh_tests::devices::with_devices;
 use prbvh_tests::oracle::random_tree;
 use std::collections::BTreeSet;

@@ -6,11 +6,11 @@ use prbvh::device::{Device, DeviceError};
 use prbvh::optimize::{Limits, Order, PrbvhSettings, StopReason};
 use prbvh::pipeline::{Optimized, Settings};
 use prbvh::scene::{Scene, built_in};
-use prbvh::stability::{
-    self, CATALOGUE, Case, F32_COST_BOUND, Lane, Library, Method, Property, Row, RunError, Subject,
-};
 use prbvh_kernel::node::{Links, Node};
 use prbvh_kernel::prbvh::Move;
+use prbvh_lab::stability::{
+    self, CATALOGUE, Case, F32_COST_BOUND, Lane, Library, Method, Property, Row, RunError, Subject,
+};
 use prbvh_tests::command::run;
 use prbvh_tests::devices::without_vulkan;
 use prbvh_tests::numerics::f32_sum;

@@ -7,11 +7,11 @@ use prbvh_kernel::node::Node;
 use prbvh_kernel::prbvh::dual::DualMove;
 use prbvh_kernel::prbvh::dual::search::{DualParams, TO_THE_ROOT, search};
 use prbvh_kernel::prbvh::worst::RoundParams;
+use prbvh_kernel::prbvh::worst::books::CHUNK;
 use prbvh_kernel::prbvh::worst::books::{
     BEGIN, BOOKS_WORDS, CLOSE, LIST_LENGTH, PART, POOL_LENGTH, POOL_SIDE, TURN, WORST,
 };
 use prbvh_kernel::prbvh::worst::keys::{COLD, IN_POOL, ON_FRINGE, TIRED, measure_of, waits};
-use prbvh_kernel::prbvh::worst::select::CHUNK;
 use prbvh_kernel::prbvh::{DUAL, Move, PrbvhParams, WON};
 use prbvh_kernel::status::REPORT_WORDS;
 use prbvh_tests::compare::Case;

@@ -8,7 +8,7 @@ use clap::Args;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode, Stdio};
 
-const REFERENCE: &str = "host/src/reference/best-costs.json";
+const REFERENCE: &str = "host/lab/src/reference/best-costs.json";
 
 #[derive(Args)]
 pub(crate) struct Bless {

@@ -38,7 +38,10 @@ fn steps() -> Result<Vec<(&'static str, Command)>> {
         ("tidy", cargo("xtask tidy")?),
         ("fmt", cargo("fmt --all --check")?),
         ("clippy", cargo("clippy --workspace --all-targets -- -D warnings")?),
-        ("clippy, without features", cargo("clippy -p prbvh --no-default-features --all-targets -- -D warnings")?),
+        (
+            "clippy, without features",
+            cargo("clippy -p prbvh -p prbvh-lab --no-default-features --all-targets -- -D warnings")?,
+        ),
         ("build-shaders", cargo("xtask build-shaders --check")?),
         ("test", cargo("xtask test")?),
         ("numerics", cargo("xtask numerics --check")?),

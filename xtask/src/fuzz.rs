@@ -12,7 +12,7 @@ pub(crate) struct Fuzz {
     /// The first seed; a run that failed names its own.
     #[arg(long, default_value_t = 1)]
     seed: u32,
-    /// Names of targets, as the tests of host/tests/fuzz have them; all if there are none.
+    /// Names of targets, as the tests of host/lab/tests/fuzz have them; all if there are none.
     targets: Vec<String>,
 }
 
@@ -21,7 +21,7 @@ impl Fuzz {
     /// If the targets cannot be built, or one of them fails.
     pub(crate) fn run(self) -> Result<()> {
         let mut cargo = repo::cargo()?;
-        cargo.args(["test", "--release", "--package", "prbvh", "--test", "fuzz", "--", "--nocapture"]);
+        cargo.args(["test", "--release", "--package", "prbvh-lab", "--test", "fuzz", "--", "--nocapture"]);
         if !self.targets.is_empty() {
             cargo.arg("--exact").args(&self.targets);
         }

@@ -3,6 +3,7 @@
 mod bench;
 mod choices;
 mod ci;
+mod circles;
 mod fuzz;
 mod miri;
 mod numerics;

@@ -27,7 +27,7 @@ impl Miri {
         let target = repo::root()?.join("target").join("miri");
         for tests in [
             &["--package", "prbvh-kernel", "--package", "prbvh-cpu-sim"][..],
-            &["--package", "prbvh", "--test", "smallest_scene", "--", "--nocapture"],
+            &["--package", "prbvh-lab", "--test", "smallest_scene", "--", "--nocapture"],
         ] {
             let mut cargo = self.cargo();
             cargo.args(["miri", "test", "--target-dir"]).arg(&target).args(tests).env("MIRIFLAGS", FLAGS);

@@ -6,10 +6,11 @@ mod stages;
 
 use clap::Parser;
 use prbvh::build::check_limits;
-use prbvh::device::vulkan::{Selection, VulkanDevice};
+use prbvh::device::Selection;
+use prbvh::device::vulkan::VulkanDevice;
 use prbvh::device::{Device, cpu::CpuDevice};
-use prbvh::report::{Machine, Program};
 use prbvh::scene::{self, Scene};
+use prbvh_lab::report::{Machine, Program};
 use serde::Serialize;
 use stages::Measured;
 use std::path::PathBuf;

@@ -1,8 +1,8 @@
 //! What is printed, as Markdown.
 
 use crate::experiment::{Experiment, Outcome};
-use prbvh::reference::ReferenceCost;
 use prbvh::scene::Scene;
+use prbvh_lab::reference::ReferenceCost;
 use prbvh_tests::bench::curve::{Curve, envelope, time_to_reach};
 use prbvh_tests::bench::markdown::{Markdown, ms, number};
 use prbvh_tests::bench::obvhs::PROGRAM;

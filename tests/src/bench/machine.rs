@@ -1,6 +1,6 @@
 //! Where and with what a benchmark ran.
 
-use prbvh::report::{Machine, Program};
+use prbvh_lab::report::{Machine, Program};
 
 /// Program, commit, processor, cores, memory, system: one line.
 #[must_use]

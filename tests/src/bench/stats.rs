@@ -3,7 +3,7 @@
 /// The median; NaN of none.
 #[must_use]
 pub fn median(values: &[f64]) -> f64 {
-    prbvh::compare::median(values).unwrap_or(f64::NAN)
+    prbvh_lab::compare::median(values).unwrap_or(f64::NAN)
 }
 
 /// The geometric mean; NaN of none.

@@ -2,9 +2,9 @@
 
 use anyhow::Context;
 use clap::{Parser, Subcommand};
-use prbvh::presets::{self, Trial};
-use prbvh::reference::{self, Blessed, ReferenceCosts};
-use prbvh::report::write::write_atomically;
+use prbvh::write::write_atomically;
+use prbvh_lab::presets::{self, Trial};
+use prbvh_lab::reference::{self, Blessed, ReferenceCosts};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 

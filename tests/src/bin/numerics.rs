@@ -2,8 +2,8 @@
 
 use anyhow::Context;
 use clap::Parser;
-use prbvh::report::write::write_atomically;
 use prbvh::scene;
+use prbvh::write::write_atomically;
 use prbvh_tests::numerics::document::{Block, difference, filled};
 use prbvh_tests::numerics::{catalogue, f32_sum, fresh_sum, runs, safe_range, threshold};
 use std::path::PathBuf;

@@ -2,7 +2,7 @@
 
 use super::document::Block;
 use super::{device, part, stability_rows};
-use prbvh::stability::{AXES_BOUND, CATALOGUE, F32_COST_BOUND, Library, Row, methods};
+use prbvh_lab::stability::{AXES_BOUND, CATALOGUE, F32_COST_BOUND, Library, Row, methods};
 
 /// Largest errors and counts of the table on the CPU; other devices have the same trees.
 ///

@@ -2,9 +2,9 @@
 
 use super::document::Block;
 use super::{initial_tree, markdown, part, texts};
-use prbvh::accuracy::F32_COST_BOUND;
 use prbvh::scene::built_in;
 use prbvh_kernel::cost::COST_CHUNK;
+use prbvh_lab::accuracy::F32_COST_BOUND;
 
 /// Relative errors of a sum of half areas against f64.
 #[derive(Clone, Copy, Debug)]

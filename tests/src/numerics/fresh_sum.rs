@@ -3,13 +3,13 @@
 use super::document::Block;
 use super::{case, device, initial_tree, markdown, part, scene_of, texts};
 use crate::other_searches::{published, published_and_recomputed, published_walk, with_search};
-use prbvh::accuracy::{Offer, SearchAccuracy, Walk, kernel_walk, offers};
 use prbvh::device::Device;
 use prbvh::optimize::PrbvhSettings;
 use prbvh::pipeline::{self, Settings};
 use prbvh::scene::{Scene, built_in};
 use prbvh_kernel::node::Node;
 use prbvh_kernel::prbvh::PrbvhParams;
+use prbvh_lab::accuracy::{Offer, SearchAccuracy, Walk, kernel_walk, offers};
 use std::ops::ControlFlow;
 
 /// A relative difference of two decreases that is more than rounding of one.

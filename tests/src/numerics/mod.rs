@@ -14,8 +14,8 @@ pub mod threshold;
 use prbvh::device::Device;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::scene::{SafeRange, Scene};
-use prbvh::stability::{self, CATALOGUE, Case, Lane, Method, Row, Subject};
 use prbvh_kernel::node::Node;
+use prbvh_lab::stability::{self, CATALOGUE, Case, Lane, Method, Row, Subject};
 use std::ops::ControlFlow;
 
 /// A device of the experiments: all give the same numbers.

@@ -2,11 +2,11 @@
 
 use super::document::Block;
 use super::{device, markdown, part, texts};
-use prbvh::accuracy::{AccuracyReport, NumericsCheck, SearchAccuracy};
 use prbvh::optimize::{PrbvhSettings, RbvhSettings, Strategy};
 use prbvh::pipeline::{self, Optimizer, PipelineError, Settings};
 use prbvh::plan::Plan;
 use prbvh::scene::{Scene, built_in};
+use prbvh_lab::accuracy::{AccuracyReport, NumericsCheck, SearchAccuracy};
 
 /// Runs the pipeline under the check.
 ///

@@ -8,7 +8,7 @@ use prbvh::device::Device;
 use prbvh::optimize::prbvh;
 use prbvh::pipeline::{Optimized, Settings};
 use prbvh::scene::Scene;
-use prbvh::stability::{Library, Property, Row, RunError, Subject};
+use prbvh_lab::stability::{Library, Property, Row, RunError, Subject};
 use std::ops::ControlFlow;
 
 /// The pipeline on the triangles as they are.

@@ -4,14 +4,14 @@ use super::document::Block;
 use super::runs::checked;
 use super::{case, device, initial_tree, markdown, scene_of, texts};
 use crate::other_searches::{with_search, without_threshold};
-use prbvh::accuracy::area_decrease;
 use prbvh::device::Device;
 use prbvh::optimize::{Epsilon, Limits, Order, PrbvhSettings};
 use prbvh::pipeline::Settings;
 use prbvh::scene::Scene;
-use prbvh::stability::{Library, Subject};
 use prbvh_kernel::node::{NO_NODE, Node};
 use prbvh_kernel::prbvh::Move;
+use prbvh_lab::accuracy::area_decrease;
+use prbvh_lab::stability::{Library, Subject};
 
 /// Iterations after which a run counts as endless.
 const MANY: u32 = 50;

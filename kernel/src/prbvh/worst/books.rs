@@ -3,7 +3,6 @@
 //! Kind: a single invocation, on one of four [pages](RoundParams::page).
 
 use super::RoundParams;
-use super::select::{CHUNK, thinning};
 use crate::grid;
 use crate::math::{umax, umin};
 use crate::mem::{AtomicU32, Slot};
@@ -53,6 +52,9 @@ pub const BUCKETS: u32 = 256;
 /// Parts that a bucket can be cut into.
 pub const CELLS: u32 = 256;
 
+/// Nodes of the pool that one invocation looks at.
+pub const CHUNK: u32 = 32;
+
 /// Most stages: below the last one areas are so small a part of the root's that a sum does not see them.
 pub const MOST_STAGES: u32 = 24;
 
@@ -84,6 +86,17 @@ pub fn books(params: &RoundParams, books: &[AtomicU32], fringe: &[Slot<u32>], re
         Sum::load(books, LOST).store(books, MOST_LOST);
         books[EPOCH].add(1);
     }
+}
+
+/// One in two to this power of the nodes of a pool is counted: of a large pool a part tells enough, and all threads count in the same few words. Which
+/// are counted has nothing to do with whose turn it is.
+#[inline(always)]
+pub(super) fn thinning(length: u32) -> u32 {
+    let mut thinning = 0;
+    while thinning < 4 && length >> thinning > 4096 {
+        thinning += 1;
+    }
+    thinning
 }
 
 /// Has as many invocations as this many run at `at`.

@@ -3,13 +3,12 @@
 //! Kind: maps over chunks of the pool, and scatters to places that a common counter gives.
 
 use super::RoundParams;
-use super::books::{BUCKET, BUCKETS, CELLS, HISTOGRAM, LIST_LENGTH, PART, POOL_LENGTH, POOL_SIDE, TURN};
+use super::books::{
+    BUCKET, BUCKETS, CELLS, CHUNK, HISTOGRAM, LIST_LENGTH, PART, POOL_LENGTH, POOL_SIDE, TURN, thinning,
+};
 use super::keys::{IN_POOL, measure_of, waits};
 use crate::math::umin;
 use crate::mem::{AtomicU32, Slot};
-
-/// Nodes of the pool that one invocation looks at.
-pub const CHUNK: u32 = 32;
 
 /// Steps of a bucket to a factor of two.
 const STEPS: u32 = 4;
@@ -29,17 +28,6 @@ fn bucket(measure: u32, root_area: f32) -> u32 {
 #[inline(always)]
 fn cell(v: u32) -> u32 {
     v.wrapping_mul(0x9e37_79b9) >> (32 - CELLS.ilog2())
-}
-
-/// One in two to this power of the nodes of a pool is counted: of a large pool a part tells enough, and all threads count in the same few words. Which
-/// are counted has nothing to do with whose turn it is.
-#[inline(always)]
-pub(super) fn thinning(length: u32) -> u32 {
-    let mut thinning = 0;
-    while thinning < 4 && length >> thinning > 4096 {
-        thinning += 1;
-    }
-    thinning
 }
 
 /// Invocation `i` counts the keys of a chunk of the pool, or of some of its nodes. Reads `pool[2(n-1)]` and `keys[n-1]`.

@@ -1,0 +1,94 @@
+//! The methods of the table.
+
+use prbvh::build::DEFAULT_RADIUS;
+#[cfg(feature = "atrbvh")]
+use prbvh::build::TreeletSize;
+use prbvh::bvh::MaxDepth;
+use prbvh::collapse::CollapseSettings;
+use prbvh::optimize::{Limits, Order, PrbvhSettings, RbvhSettings, Strategy};
+use prbvh::pipeline::{Initial, Optimizer, Settings};
+
+/// A way from triangles to a tree.
+#[derive(Clone, Debug)]
+pub struct Method {
+    /// Name, for `--methods`.
+    pub name: &'static str,
+    /// What the pipeline is to do.
+    pub settings: Settings,
+    /// Whether it goes on from its initial tree; else no iteration is made, and none is missed.
+    pub optimizes: bool,
+}
+
+impl Method {
+    fn builder(name: &'static str, initial: Initial) -> Self {
+        let prbvh = PrbvhSettings { limits: Limits::iterations(0), ..PrbvhSettings::default() };
+        Self { name, settings: Settings { initial, prbvh, ..unbounded() }, optimizes: false }
+    }
+
+    fn published(name: &'static str, initial: Initial, mu: u32) -> Self {
+        let prbvh = PrbvhSettings { mu, ..PrbvhSettings::published() };
+        Self { name, settings: Settings { initial, prbvh, ..unbounded() }, optimizes: true }
+    }
+
+    fn worst_first(name: &'static str, initial: Initial) -> Self {
+        let prbvh = PrbvhSettings { order: Order::WorstFirst, ..PrbvhSettings::default() };
+        Self { name, settings: Settings { initial, prbvh, ..unbounded() }, optimizes: true }
+    }
+
+    fn rbvh(name: &'static str) -> Self {
+        let optimizer = Optimizer::Rbvh(RbvhSettings::default());
+        Self { name, settings: Settings { optimizer, ..unbounded() }, optimizes: true }
+    }
+
+    fn conservative(mut self) -> Self {
+        self.settings.prbvh.strategy = Strategy::Conservative;
+        self
+    }
+
+    /// Whether it is PRBVH that goes on from the initial tree, to one triangle per leaf, and nothing comes after it: then its moves can be
+    /// looked at.
+    #[must_use]
+    pub fn has_moves(&self) -> bool {
+        let Settings { optimizer, adaptive, max_depth, .. } = &self.settings;
+        self.optimizes && *optimizer == Optimizer::Prbvh && adaptive.is_none() && *max_depth == MaxDepth::OFF
+    }
+
+    fn with_adaptive_leaves(mut self) -> Self {
+        self.settings.adaptive = Some(CollapseSettings::default());
+        self
+    }
+
+    fn with_bounded_depth(mut self) -> Self {
+        self.settings.max_depth = MaxDepth::default();
+        self
+    }
+}
+
+/// Trees as deep as they become: what is to be stable is what makes them, and rays through trees of any depth.
+fn unbounded() -> Settings {
+    Settings { max_depth: MaxDepth::OFF, ..Settings::default() }
+}
+
+/// All methods, in the order of the table. A new builder, strategy or optimiser gets its row here and nowhere else.
+#[must_use]
+pub fn methods() -> Vec<Method> {
+    let ploc = || Initial::Ploc { radius: DEFAULT_RADIUS };
+    vec![
+        Method::builder("lbvh", Initial::Lbvh),
+        #[cfg(feature = "atrbvh")]
+        Method::builder("atrbvh", Initial::Atrbvh { treelet: TreeletSize::DEFAULT }),
+        Method::builder("ploc", ploc()),
+        Method::builder("sah-sweep", Initial::SahSweep),
+        Method::builder("sah-binned", Initial::SahBinned),
+        Method::worst_first("worst-first", Initial::Lbvh),
+        Method::published("prbvh-9", Initial::Lbvh, 9),
+        Method::published("prbvh-1", Initial::Lbvh, 1),
+        Method::published("conservative-9", Initial::Lbvh, 9).conservative(),
+        Method::rbvh("rbvh"),
+        Method::worst_first("ploc+worst-first", ploc()),
+        Method::published("ploc+prbvh-9", ploc(), 9),
+        Method::published("ploc+prbvh-1", ploc(), 1),
+        Method::worst_first("worst-first+adaptive", Initial::Lbvh).with_adaptive_leaves(),
+        Method::worst_first("worst-first+bounded", Initial::Lbvh).with_bounded_depth(),
+    ]
+}

@@ -1,0 +1,187 @@
+//! Every kernel once, on a scene so small that Miri can follow it: `cargo xtask miri`.
+
+use prbvh::build::MortonBits;
+use prbvh::bvh::{Bvh, BvhNode, Content, NO_NODE, tree_hash};
+use prbvh::device::cpu::CpuDevice;
+use prbvh::device::{self, Command, Device, DeviceError, DeviceInfo, Recording, Timing};
+use prbvh::pipeline::{Settings, optimize};
+use prbvh::scene::Scene;
+use prbvh::trace::{NO_TRIANGLE, Query, Ray, TraceScene, trace};
+use prbvh_cpu_sim::Order;
+use prbvh_kernel::Kernel;
+use prbvh_kernel::aabb::Aabb;
+use prbvh_kernel::setup::Triangle;
+use prbvh_lab::render::{Camera, RenderSettings, render};
+use prbvh_lab::stability::methods;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::ControlFlow;
+
+/// Orders of the invocations. Miri takes minutes for each, and one of them on two threads is what it can tell something about.
+const ORDERS: &[Order] = if cfg!(miri) {
+    &[Order::Ascending, Order::Parallel]
+} else {
+    &[Order::Ascending, Order::Descending, Order::Shuffled(1), Order::Parallel]
+};
+
+/// Triangles of the combs: the kernel with a stack of 32, 64, 128 words, and with stacks in a buffer of 64 MiB, which is more than Miri can hold.
+const COMBS: &[usize] = if cfg!(miri) { &[7, 40, 80] } else { &[7, 40, 80, 140] };
+
+/// A CPU that notes which kernels it ran, and may do without 64-bit atomics.
+struct Noting {
+    device: CpuDevice,
+    order: Order,
+    info: DeviceInfo,
+    ran: BTreeSet<&'static str>,
+}
+
+impl Noting {
+    fn new(order: Order, atomics_64: bool) -> Self {
+        let device = CpuDevice::with_order(order, 2).unwrap();
+        let info = DeviceInfo { atomics_64, ..device.info().clone() };
+        Self { device, order, info, ran: BTreeSet::new() }
+    }
+}
+
+impl device::Layer for Noting {
+    fn inner(&self) -> &dyn Device {
+        &self.device
+    }
+
+    fn inner_mut(&mut self) -> &mut dyn Device {
+        &mut self.device
+    }
+
+    fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
+        for (_, command) in recording.commands() {
+            if let Command::Dispatch(dispatch) = command {
+                self.ran.insert(dispatch.kernel.info().name);
+            }
+        }
+        self.device.run(recording)
+    }
+}
+
+/// A triangle of size 1 at `x` and as far to either side.
+fn at(x: f32) -> Triangle {
+    Triangle { a: [x, -x, 0.5], b: [x + 1.0, -x, 0.0], c: [x, 1.0 - x, 0.25 * x] }
+}
+
+/// Seven triangles; two are so near to each other that only the long Morton codes tell them apart.
+fn smallest() -> Scene {
+    let triangles = [40.0, 3.0, 3.0001, 97.0, 0.0, 12.0, 64.0].map(at).to_vec();
+    Scene::from_triangles("smallest", triangles).unwrap()
+}
+
+/// A tree with a leaf beside every internal node, so deep as there are triangles but one.
+fn comb(triangles: &[Triangle]) -> Bvh {
+    let n = triangles.len() as u32;
+    let leaf = |first: u32, parent: u32| BvhNode {
+        aabb: triangles[first as usize].aabb(),
+        parent,
+        content: Content::Leaf { first, count: 1 },
+    };
+    // Internal node k is node 2k; its children are 2k + 1, the leaf of triangle k, and 2k + 2.
+    let mut nodes = Vec::new();
+    for k in 0..n {
+        let parent = if k == 0 { NO_NODE } else { 2 * (k - 1) };
+        if k + 1 == n {
+            nodes.push(leaf(k, parent));
+        } else {
+            let aabb = triangles[k as usize..].iter().map(Triangle::aabb).fold(Aabb::EMPTY, Aabb::union);
+            nodes.push(BvhNode { aabb, parent, content: Content::Internal { left: 2 * k + 1, right: 2 * k + 2 } });
+            nodes.push(leaf(k, 2 * k));
+        }
+    }
+    Bvh { nodes, triangle_order: (0..n).collect() }
+}
+
+/// Whether the method runs under Miri, which takes a minute for each: one of those with the same kernels, and on two threads, which take it
+/// several, one with climbs and locks.
+fn is_followed(name: &str, order: Order, atomics_64: bool) -> bool {
+    if order == Order::Parallel {
+        return atomics_64 && name == "worst-first+adaptive";
+    }
+    let locks = ["worst-first", "prbvh-9", "conservative-9"].contains(&name);
+    locks || atomics_64 && ["atrbvh", "ploc", "worst-first+adaptive"].contains(&name)
+}
+
+/// The methods on the smallest scene; the hashes of their trees by method.
+fn trees(device: &mut Noting) -> BTreeMap<String, String> {
+    let scene = smallest();
+    let mut hashes = BTreeMap::new();
+    for method in methods() {
+        if cfg!(miri) && !is_followed(method.name, device.order, device.info.atomics_64) {
+            continue;
+        }
+        for morton_bits in [MortonBits::Sixty, MortonBits::Thirty] {
+            let settings = Settings { morton_bits, ..method.settings.clone() };
+            let made = optimize(&scene, device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+            println!("{}: {}, {morton_bits:?}", device.info.name, method.name);
+            hashes.insert(format!("{}, {morton_bits:?}", method.name), tree_hash(&made.tree));
+            if cfg!(miri) && method.name != "worst-first" {
+                break;
+            }
+        }
+    }
+    hashes
+}
+
+/// Pixels of a picture, and the first triangle that a ray meets in combs of every kind of stack.
+fn rays(device: &mut Noting) -> Vec<u32> {
+    let scene = smallest();
+    let tree = comb(&scene.triangles);
+    let camera = Camera::view(0, &tree.nodes[0].aabb, 1).unwrap();
+    let settings = RenderSettings { width: 3, height: 2, samples: 1, bounces: 1, light_samples: 1 };
+    let picture = render(device, &scene, &tree, &camera, &settings).unwrap();
+    let mut found: Vec<u32> = picture.radiance.iter().flatten().map(|x| x.to_bits()).collect();
+    for &n in COMBS {
+        let triangles: Vec<Triangle> = (0..n).map(|k| at(2.0 * k as f32)).collect();
+        let mut scene = TraceScene::new(device, &comb(&triangles), &triangles, &[[-5.0, -5.0, -1.0]]).unwrap();
+        let ray = |k: usize| {
+            let corner = triangles[k].a;
+            Ray {
+                origin: [corner[0] + 0.25, corner[1] + 0.25, -1.0],
+                t_min: 0.0,
+                direction: [0.0, 0.0, 1.0],
+                t_max: 1e6,
+            }
+        };
+        let miss = Ray { origin: [-5.0, -5.0, -1.0], ..ray(0) };
+        let (hits, _) = trace(device, &mut scene, &[ray(0), ray(n - 1), miss], Query::Closest).unwrap();
+        let hits: Vec<u32> = hits.iter().map(|hit| hit.triangle).collect();
+        assert_eq!(hits, [0, n as u32 - 1, NO_TRIANGLE]);
+        found.extend(hits);
+        scene.free(device);
+    }
+    found
+}
+
+#[test]
+fn every_kernel_runs_and_every_order_gives_the_same() {
+    let mut expected = BTreeMap::new();
+    let mut ran = BTreeSet::new();
+    for &order in ORDERS {
+        for atomics_64 in [true, false] {
+            let mut device = Noting::new(order, atomics_64);
+            let mut made = trees(&mut device);
+            // Rays meet no locks.
+            if atomics_64 && !(cfg!(miri) && order == Order::Parallel) {
+                made.insert("rays".to_owned(), format!("{:?}", rays(&mut device)));
+            }
+            assert_eq!(device.memory().bytes, 0);
+            for (what, new) in made {
+                let first = expected.entry(what.clone()).or_insert_with(|| new.clone());
+                assert_eq!(*first, new, "{what}: {order:?}, 64-bit atomics: {atomics_64}");
+            }
+            ran.extend(device.ran);
+        }
+    }
+    let missing: Vec<&str> =
+        Kernel::ALL.iter().map(|kernel| kernel.info().name).filter(|name| !ran.contains(name)).collect();
+    let expected: &[&str] = if cfg!(miri) { &[Kernel::TraceDeep.info().name] } else { &[] };
+    assert_eq!(missing, expected, "not run");
+}

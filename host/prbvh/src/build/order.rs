@@ -1,0 +1,128 @@
+//! What every builder on the device starts from: boxes of the triangles, Morton codes, and the order by them.
+
+use super::codes::{Codes, MortonBits, morton_params};
+use super::sort::Sorter;
+use super::{Scratch, check_limits};
+use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
+use prbvh_kernel::Kernel;
+use prbvh_kernel::aabb::Aabb;
+use prbvh_kernel::setup::{BOUNDS_CHUNK, BoundsParams, BoxesParams, Triangle};
+use prbvh_kernel::sort::GatherParams;
+use std::borrow::Cow;
+
+/// The references in Morton order. All but `boxes` is there when the recording has run.
+#[derive(Debug)]
+pub(super) struct MortonOrder {
+    /// References, `n`.
+    pub(super) references: u32,
+    /// Boxes of the references, `[n]`.
+    pub(super) boxes: Buffer,
+    /// References by their codes, `[n]`.
+    pub(super) order: Buffer,
+    /// Upper words of the sorted codes, `[n]`.
+    pub(super) high: Buffer,
+    /// Lower words of the sorted codes, `[n]`; the same buffer as `high` if a code has one word.
+    pub(super) low: Buffer,
+    scratch: Scratch,
+    codes: Scratch,
+}
+
+impl MortonOrder {
+    /// Computes the boxes and records codes and sort. Triangles that are handed over are freed in between. Returns the times of what has run.
+    ///
+    /// # Errors
+    /// If the triangles do not fit the device, or the device fails.
+    ///
+    /// # Panics
+    /// If there are no triangles.
+    pub(super) fn record(
+        recording: &mut Recording,
+        device: &mut dyn Device,
+        triangles: Cow<'_, [Triangle]>,
+        plan: Codes,
+    ) -> Result<(Self, Vec<Timing>), DeviceError> {
+        assert!(!triangles.is_empty(), "a tree needs a triangle");
+        check_limits(device.info(), triangles.len())?;
+        let references = u32::try_from(triangles.len()).expect("checked against the limit of indices");
+        let (mut scratch, mut codes) = (Scratch::default(), Scratch::default());
+        let boxes = scratch.allocate(device, "boxes", triangles.len(), size_of::<Aabb>())?;
+        let (scene_box, timings) = setup(device, &triangles, &boxes)?;
+        drop(triangles);
+        let order = scratch.allocate(device, "order", references as usize, 4)?;
+        let (high, low) = record_codes(recording, &mut codes, device, references, (&boxes, &order), plan, scene_box)?;
+        Ok((Self { references, boxes, order, high, low, scratch, codes }, timings))
+    }
+
+    /// Gives the memory of the codes and their sort back.
+    pub(super) fn free_codes(&mut self, device: &mut dyn Device) {
+        std::mem::take(&mut self.codes).free(device);
+    }
+
+    /// Gives all memory back.
+    pub(super) fn free(mut self, device: &mut dyn Device) {
+        self.free_codes(device);
+        self.scratch.free(device);
+    }
+}
+
+/// Boxes of the triangles, and the scene's.
+fn setup(device: &mut dyn Device, triangles: &[Triangle], boxes: &Buffer) -> Result<(Aabb, Vec<Timing>), DeviceError> {
+    let mut scratch = Scratch::default();
+    let input = scratch.allocate(device, "triangles", triangles.len(), size_of::<Triangle>())?;
+    device.upload(&input, bytemuck::cast_slice(triangles))?;
+    let mut recording = Recording::new();
+    let mut count = u32::try_from(triangles.len()).expect("checked against the limit of indices");
+    recording.dispatch("setup", Kernel::SetupBoxes, count, &BoxesParams { count }, &[&input, boxes]);
+    let mut from = boxes.clone();
+    while count > 1 {
+        let params = BoundsParams { count: count.div_ceil(BOUNDS_CHUNK), boxes: count };
+        count = params.count;
+        let united = scratch.allocate(device, "scene box", count as usize, size_of::<Aabb>())?;
+        recording.dispatch("setup", Kernel::SetupBounds, count, &params, &[&from, &united]);
+        from = united;
+    }
+    let timings = device.run(&recording)?;
+    let mut scene_box = Aabb::EMPTY;
+    device.download(&from, bytemuck::bytes_of_mut(&mut scene_box))?;
+    scratch.free(device);
+    Ok((scene_box, timings))
+}
+
+/// Records Morton codes and their sort, which turns `order` from the identity into the Morton order. Returns the sorted words of the
+/// codes, upper first; the same buffer twice if a code has one word.
+fn record_codes(
+    recording: &mut Recording,
+    scratch: &mut Scratch,
+    device: &mut dyn Device,
+    n: u32,
+    (boxes, order): (&Buffer, &Buffer),
+    plan: Codes,
+    scene_box: Aabb,
+) -> Result<(Buffer, Buffer), DeviceError> {
+    let length = n as usize;
+    let sorter = Sorter::new(scratch, device, n)?;
+    let keys = scratch.allocate(device, "codes", length, 4)?;
+    match plan.bits {
+        MortonBits::Thirty => {
+            let params = morton_params(n, scene_box, 10);
+            recording.dispatch("morton", Kernel::Morton30, n, &params, &[boxes, &keys, order]);
+            sorter.record(recording, &keys, order, plan.high);
+            Ok((keys.clone(), keys))
+        }
+        MortonBits::Sixty => {
+            let params = morton_params(n, scene_box, 20);
+            let high = scratch.allocate(device, "upper codes", length, 4)?;
+            let low = scratch.allocate(device, "lower codes", length, 4)?;
+            recording.dispatch("morton", Kernel::Morton60, n, &params, &[boxes, &high, &low, order]);
+            // The lower word first: the sort is stable, so that sorting by the upper word then keeps its order among equals.
+            recording.copy("sort", &low, &keys);
+            sorter.record(recording, &keys, order, plan.low);
+            let gather = GatherParams { count: n };
+            recording.dispatch("sort", Kernel::SortGather, n, &gather, &[order, &high, &keys]);
+            sorter.record(recording, &keys, order, plan.high);
+            let sorted_low = sorter.spare_words().clone();
+            recording.dispatch("sort", Kernel::SortGather, n, &gather, &[order, &low, &sorted_low]);
+            Ok((keys, sorted_low))
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! Where kernels run. An algorithm records dispatches ([`Recording`]) and hands them to a [`Device`]; it never knows which.
+
+mod choice;
+pub mod cpu;
+mod layer;
+mod lease;
+mod meter;
+mod open;
+mod pieces;
+pub mod record;
+mod stoppable;
+#[cfg(feature = "vulkan")]
+pub mod vulkan;
+mod watched;
+
+pub use choice::{DeviceChoice, NoSuchChoice, Selection};
+pub use layer::Layer;
+pub(crate) use lease::Lease;
+pub use meter::Meter;
+pub use open::open;
+pub(crate) use pieces::read_pieces;
+pub use record::{Buffer, Command, Counted, Dispatch, Recording};
+pub use stoppable::Stoppable;
+pub(crate) use watched::Watched;
+
+use serde::Serialize;
+
+/// Runs recordings on buffers that it owns.
+pub trait Device {
+    /// What the device is and can do.
+    fn info(&self) -> &DeviceInfo;
+
+    /// A zeroed buffer of `length` elements of `element_bytes` bytes.
+    ///
+    /// # Errors
+    /// [`DeviceError::Limit`] beyond a limit of the device, [`DeviceError::OutOfMemory`] if the memory is not to be had.
+    fn allocate(&mut self, label: &'static str, length: usize, element_bytes: usize) -> Result<Buffer, DeviceError>;
+
+    /// Gives the memory of a buffer back.
+    fn free(&mut self, buffer: Buffer);
+
+    /// Copies `bytes` into the buffer, from its start.
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError>;
+
+    /// Copies `bytes.len()` bytes of the buffer out, from byte `first` on.
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn download_from(&mut self, buffer: &Buffer, first: usize, bytes: &mut [u8]) -> Result<(), DeviceError>;
+
+    /// Copies the first `bytes.len()` bytes of the buffer out.
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn download(&mut self, buffer: &Buffer, bytes: &mut [u8]) -> Result<(), DeviceError> {
+        self.download_from(buffer, 0, bytes)
+    }
+
+    /// Runs the commands one after another, each seeing all that the earlier ones wrote. Returns how long each took.
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError>;
+
+    /// Bytes in buffers now, and the most there were.
+    fn memory(&self) -> MemoryUse;
+
+    /// Runs work of the host that uses rayon: on a CPU device with the threads that it was given, else with those of the current pool.
+    /// [`on_host`] returns what the work makes.
+    fn run_on_host(&self, work: &mut (dyn FnMut() + Send)) {
+        work();
+    }
+}
+
+/// Runs work of the host that uses rayon with as many threads as [`Device::run_on_host`] lends.
+///
+/// # Panics
+/// If the device does not run it.
+pub fn on_host<T: Send>(device: &dyn Device, work: impl FnOnce() -> T + Send) -> T {
+    let (mut work, mut made) = (Some(work), None);
+    device.run_on_host(&mut || made = work.take().map(|work| work()));
+    made.expect("a device runs the work of the host")
+}
+
+/// What a device is and can do.
+#[derive(Clone, Debug, Serialize)]
+pub struct DeviceInfo {
+    /// Name as the driver or the system gives it.
+    pub name: String,
+    /// Kind of device.
+    pub kind: DeviceKind,
+    /// Driver, its version and the API version; for the CPU the number of threads.
+    pub driver: String,
+    /// Largest buffer, and the name of the limit behind it.
+    pub max_buffer_bytes: u64,
+    /// Name of the limit behind `max_buffer_bytes`.
+    pub max_buffer_limit: &'static str,
+    /// Memory of the device, bytes; 0 where it is not known.
+    pub memory_bytes: u64,
+    /// Whether 64-bit atomics on buffers work; else locks take two 32-bit words.
+    pub atomics_64: bool,
+    /// Invocations that keep the device busy: work is cut into about this many chunks where the cut is free.
+    pub busy_invocations: u32,
+}
+
+/// Kind of device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DeviceKind {
+    /// The kernels compiled natively.
+    Cpu,
+    /// A GPU through Vulkan.
+    VulkanGpu,
+    /// A Vulkan driver that runs on the CPU, such as lavapipe.
+    VulkanCpu,
+}
+
+/// How long a command took.
+#[derive(Clone, Copy, Debug)]
+pub struct Timing {
+    /// The command's label.
+    pub label: &'static str,
+    /// Seconds on the device; 0 where it keeps no time.
+    pub seconds: f64,
+}
+
+/// Memory of a device in buffers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct MemoryUse {
+    /// Bytes now.
+    pub bytes: u64,
+    /// Most bytes at any time.
+    pub peak_bytes: u64,
+}
+
+/// Why a device refused or failed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DeviceError {
+    /// A limit of the device is too small for the scene.
+    #[error("{what} needs {name} of at least {need}, but {device} has {have}")]
+    Limit {
+        /// What needs it.
+        what: String,
+        /// Name of the limit.
+        name: &'static str,
+        /// What is needed.
+        need: u64,
+        /// What the device has.
+        have: u64,
+        /// Name of the device.
+        device: String,
+    },
+    /// A feature is missing.
+    #[error("{device} lacks {name}, which {what} needs")]
+    Feature {
+        /// What needs it.
+        what: String,
+        /// Name of the feature.
+        name: &'static str,
+        /// Name of the device.
+        device: String,
+    },
+    /// The memory is not to be had.
+    #[error("no memory for {what} ({bytes} bytes) on {device}")]
+    OutOfMemory {
+        /// What needs it.
+        what: String,
+        /// How much.
+        bytes: u64,
+        /// Name of the device.
+        device: String,
+    },
+    /// A buffer is not of this device, or too small for the bytes: a mistake of the caller.
+    #[error("buffer {label}: {problem}")]
+    Buffer {
+        /// Label of the buffer.
+        label: &'static str,
+        /// What is wrong.
+        problem: String,
+    },
+    /// A kernel did not do what it must.
+    #[error("{kernel} on {device}: {problem}")]
+    Kernel {
+        /// Name of the kernel.
+        kernel: &'static str,
+        /// What it did.
+        problem: String,
+        /// Name of the device.
+        device: String,
+    },
+    /// The caller asked for an end ([`Stoppable`]).
+    #[error("interrupted")]
+    Stopped,
+    /// There is no such device.
+    #[error("{0}")]
+    NoDevice(String),
+    /// A Vulkan call failed.
+    #[error("Vulkan: {call} failed: {meaning}")]
+    Vulkan {
+        /// The call.
+        call: &'static str,
+        /// The `VkResult` that it returned.
+        code: i32,
+        /// Its name and meaning.
+        meaning: String,
+    },
+    /// The validation layer found fault.
+    #[error("Vulkan validation: {0}")]
+    Validation(String),
+}

@@ -1,0 +1,207 @@
+//! Vulkan through ash: the only folder of the crate with `unsafe`.
+//!
+//! | file | what it owns |
+//! |---|---|
+//! | `instance`, `messages` | the library, the instances of the process, the reports of the validation layer |
+//! | `limits`, `selection` | what a device is and lacks; which one to open |
+//! | `logical`, `objects` | an opened device, and Vulkan objects that destroy themselves |
+//! | `memory`, `buffers`, `staging` | buffers, and bytes on their way to and from them |
+//! | `shaders`, `pipeline`, `cache` | SPIR-V → pipelines, kept between runs of the program |
+//! | `run`, `descriptors`, `timestamps`, `submit` | a recording → one submission |
+//!
+//! The device is at rest whenever no call of this module runs: every submission is waited for.
+#![allow(unsafe_code, reason = "every Vulkan call is unsafe; each block is one call and says why it is right")]
+
+mod buffers;
+mod cache;
+mod descriptors;
+mod error;
+mod instance;
+mod limits;
+mod logical;
+mod memory;
+mod messages;
+mod objects;
+mod pipeline;
+mod run;
+mod selection;
+mod shaders;
+mod staging;
+mod submit;
+#[cfg(test)]
+mod tests;
+mod timestamps;
+
+pub use limits::{DeviceSummary, Missing};
+
+use super::Selection;
+use super::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
+use ash::vk;
+use buffers::Buffers;
+use cache::StoredCache;
+use instance::Instance;
+use limits::PhysicalDevice;
+use logical::LogicalDevice;
+use memory::Access;
+use pipeline::Pipelines;
+use run::Runner;
+use selection::select;
+use staging::Staging;
+use std::path::PathBuf;
+use std::sync::Arc;
+use submit::Submitter;
+
+/// All Vulkan devices of this machine, those that prbvh cannot run on included.
+///
+/// # Errors
+/// [`DeviceError::NoDevice`] if there is no Vulkan library, driver or device, [`DeviceError::Vulkan`] if a call fails.
+pub fn list_devices() -> Result<Vec<DeviceSummary>, DeviceError> {
+    let instance = Instance::shared(false)?;
+    Ok(PhysicalDevice::all(instance)?.into_iter().map(|device| device.summary).collect())
+}
+
+/// A [`Device`] that runs the SPIR-V of the kernels through Vulkan.
+pub struct VulkanDevice {
+    info: DeviceInfo,
+    runner: Runner,
+    staging: Staging,
+    buffers: Buffers,
+    submitter: Submitter,
+    device: Arc<LogicalDevice>,
+}
+
+/// How to open a device; tests take ways that a device would not need.
+struct Options {
+    validate: bool,
+    atomics_64: bool,
+    access: Access,
+    cache_folder: Option<PathBuf>,
+}
+
+impl VulkanDevice {
+    /// Opens a device, under the validation layer if `validate`: then whatever the layer finds fails the call that
+    /// caused it with [`DeviceError::Validation`].
+    ///
+    /// # Errors
+    /// [`DeviceError::NoDevice`] if there is no such device, [`DeviceError::Feature`] or [`DeviceError::Limit`] with the name of
+    /// what it lacks, [`DeviceError::Validation`] if the layer is not installed, [`DeviceError::Vulkan`] if a call fails.
+    pub fn open(selection: Selection, validate: bool) -> Result<Self, DeviceError> {
+        let (access, cache_folder) = (Access::WherePossible, cache::user_folder());
+        Self::open_with(selection, Options { validate, atomics_64: true, access, cache_folder })
+    }
+
+    fn open_with(selection: Selection, options: Options) -> Result<Self, DeviceError> {
+        let instance = Instance::shared(options.validate)?;
+        let physical = select(PhysicalDevice::all(instance)?, selection)?;
+        let device = LogicalDevice::new(instance, physical, options.atomics_64)?;
+        let cache = StoredCache::open(&device, options.cache_folder.as_deref())?;
+        let opened = Self {
+            info: device.physical().info(device.atomics_64()),
+            runner: Runner::new(&device, Pipelines::new(&device, cache))?,
+            staging: Staging::new(&device)?,
+            buffers: Buffers::new(&device, options.access),
+            submitter: Submitter::new(&device)?,
+            device,
+        };
+        opened.validated(Ok(()))?;
+        Ok(opened)
+    }
+
+    /// Ends the device and reports what the validation layer finds at the end, such as objects left over.
+    ///
+    /// # Errors
+    /// [`DeviceError::Validation`] with its text.
+    pub fn close(self) -> Result<(), DeviceError> {
+        drop(self);
+        messages::check()
+    }
+
+    /// The result, unless the validation layer found fault with a call of this thread.
+    fn validated<T>(&self, result: Result<T, DeviceError>) -> Result<T, DeviceError> {
+        messages::check()?;
+        result
+    }
+
+    fn allocate_zeroed(
+        &mut self,
+        label: &'static str,
+        length: usize,
+        element_bytes: usize,
+    ) -> Result<Buffer, DeviceError> {
+        let (buffer, allocation) = self.buffers.allocate(label, length, element_bytes)?;
+        if allocation.zero() {
+            return Ok(buffer);
+        }
+        let raw = allocation.buffer();
+        let cleared = self.submitter.submit(|device, commands| {
+            // SAFETY: the buffer is alive and of this device.
+            unsafe { device.cmd_fill_buffer(commands, raw, 0, vk::WHOLE_SIZE, 0) };
+        });
+        if cleared.is_err() {
+            self.buffers.free(&buffer);
+        }
+        cleared.map(|()| buffer)
+    }
+
+    fn copy_in(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
+        let allocation = self.buffers.find_mut(buffer, bytes.len())?;
+        if let Some(content) = allocation.mapped() {
+            content[..bytes.len()].copy_from_slice(bytes);
+            return Ok(());
+        }
+        self.staging.upload(&mut self.submitter, allocation.buffer(), bytes)
+    }
+
+    fn copy_out(&mut self, buffer: &Buffer, first: usize, bytes: &mut [u8]) -> Result<(), DeviceError> {
+        let allocation = self.buffers.find_mut(buffer, first.saturating_add(bytes.len()))?;
+        if let Some(content) = allocation.mapped() {
+            bytes.copy_from_slice(&content[first..][..bytes.len()]);
+            return Ok(());
+        }
+        self.staging.download(&mut self.submitter, (allocation.buffer(), first as u64), bytes)
+    }
+}
+
+impl std::fmt::Debug for VulkanDevice {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("VulkanDevice")
+            .field("info", &self.info)
+            .field("memory", &self.memory())
+            .field("is_abandoned", &self.device.is_abandoned())
+            .finish_non_exhaustive()
+    }
+}
+
+impl Device for VulkanDevice {
+    fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    fn allocate(&mut self, label: &'static str, length: usize, element_bytes: usize) -> Result<Buffer, DeviceError> {
+        let buffer = self.allocate_zeroed(label, length, element_bytes);
+        self.validated(buffer)
+    }
+
+    fn free(&mut self, buffer: Buffer) {
+        self.buffers.free(&buffer);
+    }
+
+    fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
+        let done = self.copy_in(buffer, bytes);
+        self.validated(done)
+    }
+
+    fn download_from(&mut self, buffer: &Buffer, first: usize, bytes: &mut [u8]) -> Result<(), DeviceError> {
+        let done = self.copy_out(buffer, first, bytes);
+        self.validated(done)
+    }
+
+    fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
+        let timings = self.runner.run(&mut self.submitter, &self.buffers, recording);
+        self.validated(timings)
+    }
+
+    fn memory(&self) -> MemoryUse {
+        self.buffers.memory()
+    }
+}

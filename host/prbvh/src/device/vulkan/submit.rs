@@ -1,0 +1,141 @@
+//! Hands work to the queue and waits for its end.
+
+use super::error::{Call, failed};
+use super::logical::LogicalDevice;
+use super::objects::{CommandPool, Fence};
+use crate::device::DeviceError;
+use ash::vk;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// After this long work is given up on.
+const TIMEOUT: Duration = Duration::from_mins(10);
+/// How often a wait that takes long is mentioned.
+const SLICE: Duration = Duration::from_secs(10);
+
+const WAIT: &str = "vkWaitForFences";
+
+/// One command buffer, submitted again and again.
+pub(super) struct Submitter {
+    device: Arc<LogicalDevice>,
+    pool: CommandPool,
+    commands: vk::CommandBuffer,
+    fence: Fence,
+}
+
+impl Submitter {
+    /// A command buffer for the queue of the device.
+    pub(super) fn new(device: &Arc<LogicalDevice>) -> Result<Self, DeviceError> {
+        let info = vk::CommandPoolCreateInfo::default()
+            .flags(vk::CommandPoolCreateFlags::TRANSIENT)
+            .queue_family_index(device.physical().queue_family);
+        // SAFETY: the device has a queue of this family.
+        let pool = unsafe { CommandPool::new(device, &info) }?;
+        let info = vk::CommandBufferAllocateInfo::default()
+            .command_pool(pool.raw())
+            .level(vk::CommandBufferLevel::PRIMARY)
+            .command_buffer_count(1);
+        // SAFETY: the pool is alive; it frees the command buffer at its end.
+        let commands = unsafe { device.raw().allocate_command_buffers(&info) }.call("vkAllocateCommandBuffers")?[0];
+        // SAFETY: a fence takes no parameters.
+        let fence = unsafe { Fence::new(device, &vk::FenceCreateInfo::default()) }?;
+        Ok(Self { device: Arc::clone(device), pool, commands, fence })
+    }
+
+    /// Records commands, runs them and returns after their end. They see what the host and earlier submissions wrote, and the
+    /// host sees what they wrote.
+    pub(super) fn submit(&mut self, record: impl FnOnce(&ash::Device, vk::CommandBuffer)) -> Result<(), DeviceError> {
+        if self.device.is_abandoned() {
+            return Err(failed(WAIT, vk::Result::TIMEOUT));
+        }
+        let (device, commands) = (self.device.raw(), self.commands);
+        // SAFETY: the last submission has ended: `submit` returns after its end.
+        unsafe { device.reset_command_pool(self.pool.raw(), vk::CommandPoolResetFlags::empty()) }
+            .call("vkResetCommandPool")?;
+        let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: the command buffer was just reset.
+        unsafe { device.begin_command_buffer(commands, &info) }.call("vkBeginCommandBuffer")?;
+        barrier(device, commands, BEFORE_ALL);
+        record(device, commands);
+        barrier(device, commands, AFTER_ALL);
+        // SAFETY: the command buffer is being recorded.
+        unsafe { device.end_command_buffer(commands) }.call("vkEndCommandBuffer")?;
+
+        let fences = [self.fence.raw()];
+        // SAFETY: the fence is not in use: the last submission has ended.
+        unsafe { device.reset_fences(&fences) }.call("vkResetFences")?;
+        let buffers = [commands];
+        let submits = [vk::SubmitInfo::default().command_buffers(&buffers)];
+        // SAFETY: `&mut self` is the only user of the queue, and the objects of the commands live until the wait has ended.
+        unsafe { device.queue_submit(self.device.queue(), &submits, self.fence.raw()) }.call("vkQueueSubmit")?;
+        self.wait()
+    }
+
+    fn wait(&self) -> Result<(), DeviceError> {
+        let fences = [self.fence.raw()];
+        let mut waited = Duration::ZERO;
+        loop {
+            // SAFETY: the fence was submitted with the commands.
+            let result = unsafe { self.device.raw().wait_for_fences(&fences, true, SLICE.as_nanos() as u64) };
+            waited += SLICE;
+            match result {
+                Err(vk::Result::TIMEOUT) if waited < TIMEOUT => {
+                    tracing::warn!("the device has been at work for {} s", waited.as_secs());
+                }
+                // Nothing runs on a device that is lost.
+                Ok(()) | Err(vk::Result::ERROR_DEVICE_LOST) => return result.call(WAIT),
+                Err(_) => {
+                    self.device.abandon();
+                    return result.call(WAIT);
+                }
+            }
+        }
+    }
+}
+
+/// Which accesses come after which.
+struct Order {
+    from: (vk::PipelineStageFlags, vk::AccessFlags),
+    to: (vk::PipelineStageFlags, vk::AccessFlags),
+}
+
+const STAGES: vk::PipelineStageFlags = vk::PipelineStageFlags::from_raw(
+    vk::PipelineStageFlags::COMPUTE_SHADER.as_raw()
+        | vk::PipelineStageFlags::TRANSFER.as_raw()
+        | vk::PipelineStageFlags::DRAW_INDIRECT.as_raw(),
+);
+const WRITES: vk::AccessFlags =
+    vk::AccessFlags::from_raw(vk::AccessFlags::SHADER_WRITE.as_raw() | vk::AccessFlags::TRANSFER_WRITE.as_raw());
+const ALL: vk::AccessFlags = vk::AccessFlags::from_raw(
+    WRITES.as_raw()
+        | vk::AccessFlags::SHADER_READ.as_raw()
+        | vk::AccessFlags::TRANSFER_READ.as_raw()
+        | vk::AccessFlags::INDIRECT_COMMAND_READ.as_raw(),
+);
+
+/// After earlier submissions, which reach to here: a barrier orders all that was submitted before it.
+const BEFORE_ALL: Order = Order { from: (STAGES, WRITES), to: (STAGES, ALL) };
+/// Before the host reads mapped memory.
+const AFTER_ALL: Order =
+    Order { from: (STAGES, WRITES), to: (vk::PipelineStageFlags::HOST, vk::AccessFlags::HOST_READ) };
+
+/// What follows sees all that earlier commands wrote.
+pub(super) fn barrier_between(device: &ash::Device, commands: vk::CommandBuffer) {
+    barrier(device, commands, BEFORE_ALL);
+}
+
+fn barrier(device: &ash::Device, commands: vk::CommandBuffer, order: Order) {
+    let memory = [vk::MemoryBarrier::default().src_access_mask(order.from.1).dst_access_mask(order.to.1)];
+    // SAFETY: the command buffer is being recorded, and a queue that computes knows these stages.
+    unsafe {
+        device.cmd_pipeline_barrier(
+            commands,
+            order.from.0,
+            order.to.0,
+            vk::DependencyFlags::empty(),
+            &memory,
+            &[],
+            &[],
+        );
+    }
+}

@@ -1,0 +1,84 @@
+//! When and why an optimiser stops.
+
+use crate::stop::Stop;
+use serde::Serialize;
+use std::time::Duration;
+
+/// What ends an optimiser early. An iteration is a batch of RBVH.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Limits {
+    /// Most iterations.
+    pub max_iterations: u32,
+    /// No iteration starts after this wall time.
+    pub max_time: Option<Duration>,
+    /// No iteration starts once a tree has this cost or less; unitless, as [`IterationRow::cost`](super::IterationRow::cost).
+    pub target_cost: Option<f64>,
+    /// No iteration starts once this is asked for; a new top that is being made is the last.
+    #[serde(skip)]
+    pub stop: Option<Stop>,
+}
+
+impl Limits {
+    /// So many iterations, in any time and to any cost, whoever asks.
+    #[must_use]
+    pub const fn iterations(max_iterations: u32) -> Self {
+        Self { max_iterations, max_time: None, target_cost: None, stop: None }
+    }
+
+    /// Whether the cost is as low as was asked for.
+    pub(super) fn is_target(&self, cost: f64) -> bool {
+        self.target_cost.is_some_and(|target| cost <= target)
+    }
+
+    /// Whether the caller wants an end.
+    pub(super) fn is_stopped(&self) -> bool {
+        self.stop.as_ref().is_some_and(Stop::is_asked)
+    }
+
+    /// Whether the caller wants an end, or iterations or time are used up.
+    pub(super) fn used_up(&self, iterations: u32, elapsed: Duration) -> Option<StopReason> {
+        if self.is_stopped() {
+            Some(StopReason::Cancelled)
+        } else if iterations >= self.max_iterations {
+            Some(StopReason::MaxIterations)
+        } else if self.max_time.is_some_and(|limit| elapsed >= limit) {
+            Some(StopReason::MaxTime)
+        } else {
+            None
+        }
+    }
+}
+
+/// Why the optimiser stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StopReason {
+    /// The cost no longer changes by more than epsilon with µ = 1, or nothing moves.
+    Converged,
+    /// The most iterations were done.
+    MaxIterations,
+    /// The time was up.
+    MaxTime,
+    /// The cost is as low as was asked for.
+    Target,
+    /// The caller asked to stop.
+    Cancelled,
+    /// A kernel reported a fault; the best tree before it was kept.
+    Fault(u32),
+    /// There was no optimiser to run.
+    NoOptimizer,
+}
+
+impl std::fmt::Display for StopReason {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Converged => f.write_str("converged"),
+            Self::MaxIterations => f.write_str("iteration limit"),
+            Self::MaxTime => f.write_str("time limit"),
+            Self::Target => f.write_str("target cost reached"),
+            Self::Cancelled => f.write_str("cancelled"),
+            Self::NoOptimizer => f.write_str("no optimiser"),
+            Self::Fault(bits) => write!(f, "fault {bits:#x} in a kernel"),
+        }
+    }
+}

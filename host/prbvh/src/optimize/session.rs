@@ -1,0 +1,237 @@
+//! A run on a device: what both orders of search share.
+
+use super::areas::{Measure, TreeAreas};
+use super::moves::Moves;
+use super::{IterationRow, StopReason, set_relative_errors};
+use crate::build::{DeviceTree, Scratch};
+use crate::device::{Device, DeviceError, Recording, Timing};
+use prbvh_kernel::status::{APPLIED, FAULTS, FOUND, MOST_STEPS, OWNED, PREDICTED, REPORT_WORDS, SEARCHED, VISITS};
+use prbvh_kernel::sum;
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+/// What an optimiser did; the tree is the best one.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Row 0 is the initial tree.
+    pub rows: Vec<IterationRow>,
+    /// Why it stopped.
+    pub stop: StopReason,
+    /// Time of every command.
+    pub timings: Vec<Timing>,
+    /// Bytes of the device's buffers while the iterations ran; of the host's, if it was the host that optimised.
+    pub working_bytes: u64,
+}
+
+impl Outcome {
+    /// The row of the best tree.
+    #[must_use]
+    pub fn best(&self) -> &IterationRow {
+        let better = |a: &&IterationRow, b: &&IterationRow| a.cost.total_cmp(&b.cost);
+        self.rows.iter().min_by(better).unwrap_or(&self.rows[0])
+    }
+}
+
+/// Sees the tree's every row, and may break.
+pub(super) type Observe<'a> = &'a mut dyn FnMut(&IterationRow, &DeviceTree, &mut dyn Device) -> ControlFlow<()>;
+
+/// A row of the report of a device.
+pub(super) type Report = [u32; REPORT_WORDS as usize];
+
+/// Seconds since the start of a run.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Clock {
+    /// In all.
+    time_s: f64,
+    /// On the device.
+    device_s: f64,
+}
+
+/// A run on a device, whatever the order.
+#[derive(Debug)]
+pub(super) struct Session<'a> {
+    pub(super) tree: &'a DeviceTree,
+    pub(super) internal: u32,
+    pub(super) node_count: u32,
+    pub(super) scratch: Scratch,
+    pub(super) moves: Moves,
+    pub(super) measure: Measure,
+    pub(super) rows: Vec<IterationRow>,
+    start: Instant,
+    timings: Vec<Timing>,
+    device_s: f64,
+}
+
+impl<'a> Session<'a> {
+    /// Room for `found` moves at a time and `report` rows of a report.
+    pub(super) fn new(
+        device: &mut dyn Device,
+        tree: &'a DeviceTree,
+        found: u32,
+        report: u32,
+    ) -> Result<Self, DeviceError> {
+        let mut scratch = Scratch::default();
+        let moves = Moves::new(device, &mut scratch, tree, found as usize, REPORT_WORDS * report)?;
+        let measure = Measure::new(device, &mut scratch, tree, &moves.report)?;
+        Ok(Self {
+            tree,
+            internal: tree.references - 1,
+            node_count: DeviceTree::node_count(tree.references),
+            scratch,
+            moves,
+            measure,
+            rows: Vec::new(),
+            start: Instant::now(),
+            timings: Vec::new(),
+            device_s: 0.0,
+        })
+    }
+
+    /// Measures the tree and makes row 0; returns the faults of a tree that is none.
+    pub(super) fn begin(
+        &mut self,
+        device: &mut dyn Device,
+        areas: Option<TreeAreas>,
+        mu: u32,
+    ) -> Result<(TreeAreas, u32), DeviceError> {
+        let (areas, faults) = match areas {
+            Some(areas) => (areas, 0),
+            None => {
+                let (areas, timings) = self.measure.refitted_areas(device)?;
+                self.take_note(timings);
+                (areas, self.report(device)?[FAULTS])
+            }
+        };
+        self.rows.push(IterationRow {
+            mu,
+            time_s: self.elapsed_s(),
+            device_s: self.device_s,
+            cost: areas.cost(self.tree.references),
+            ..IterationRow::default()
+        });
+        Ok((areas, faults))
+    }
+
+    pub(super) fn elapsed_s(&self) -> f64 {
+        self.start.elapsed().as_secs_f64()
+    }
+
+    pub(super) fn elapsed(&self) -> std::time::Duration {
+        self.start.elapsed()
+    }
+
+    /// The last row.
+    pub(super) fn row(&self) -> &IterationRow {
+        &self.rows[self.rows.len() - 1]
+    }
+
+    pub(super) fn take_note(&mut self, timings: Vec<Timing>) {
+        self.device_s += timings.iter().map(|timing| timing.seconds).sum::<f64>();
+        self.timings.extend(timings);
+    }
+
+    pub(super) fn submit(&mut self, device: &mut dyn Device, recording: &Recording) -> Result<(), DeviceError> {
+        let timings = device.run(recording)?;
+        self.take_note(timings);
+        Ok(())
+    }
+
+    /// Submits several iterations, of which each ends before a command in `ends`; returns the row of the report of each, and when it ended.
+    pub(super) fn submit_rows(
+        &mut self,
+        device: &mut dyn Device,
+        recording: &Recording,
+        ends: &[usize],
+    ) -> Result<Vec<(Report, Clock)>, DeviceError> {
+        let (before, device_before) = (self.elapsed_s(), self.device_s);
+        let timings = device.run(recording)?;
+        let mut words = vec![0u32; REPORT_WORDS as usize * ends.len()];
+        device.download(&self.moves.report, bytemuck::cast_slice_mut(&mut words))?;
+        let passed = self.elapsed_s() - before;
+        let device_s = |commands: &[Timing]| commands.iter().map(|timing| timing.seconds).sum::<f64>();
+        let all = device_s(&timings);
+        let rows = words.as_chunks().0.iter().zip(ends).enumerate();
+        let rows = rows.map(|(k, (&report, &end))| {
+            let part = device_s(timings.get(..end).unwrap_or_default());
+            // What the host takes is shared out among the rows like the time on the device.
+            let share = if all > 0.0 { part / all } else { (k + 1) as f64 / ends.len() as f64 };
+            (report, Clock { time_s: before + share * passed, device_s: device_before + part })
+        });
+        let rows = rows.collect();
+        self.take_note(timings);
+        Ok(rows)
+    }
+
+    /// The time now.
+    pub(super) fn clock(&self) -> Clock {
+        Clock { time_s: self.elapsed_s(), device_s: self.device_s }
+    }
+
+    /// The first row of the report.
+    pub(super) fn report(&self, device: &mut dyn Device) -> Result<Report, DeviceError> {
+        let mut report = Report::default();
+        device.download(&self.moves.report, bytemuck::cast_slice_mut(&mut report))?;
+        Ok(report)
+    }
+
+    /// The row of an iteration after which the tree has this cost.
+    pub(super) fn push_row(
+        &mut self,
+        report: &Report,
+        mu: u32,
+        cost: f64,
+        areas: &TreeAreas,
+        scale: f32,
+        clock: Clock,
+    ) {
+        let row = IterationRow {
+            iteration: self.row().iteration + 1,
+            mu,
+            time_s: clock.time_s,
+            device_s: clock.device_s,
+            cost,
+            predicted_decrease: areas.cost_of(sum::to_f64(report[PREDICTED], report[PREDICTED + 1], scale)),
+            searched: report[SEARCHED],
+            visits: report[VISITS],
+            found: report[FOUND],
+            owned: report[OWNED],
+            applied: report[APPLIED],
+            most_steps: report[MOST_STEPS],
+            ..IterationRow::default()
+        };
+        self.rows.push(row);
+    }
+
+    /// The row of an iteration that built a new top, after which the tree has this cost.
+    pub(super) fn push_new_top(&mut self, cost: f64, visits: u32) {
+        let clock = self.clock();
+        let before = self.row();
+        let row = IterationRow {
+            iteration: before.iteration + 1,
+            mu: 1,
+            time_s: clock.time_s,
+            device_s: clock.device_s,
+            cost,
+            predicted_decrease: before.cost - cost,
+            visits,
+            ..IterationRow::default()
+        };
+        self.rows.push(row);
+    }
+
+    /// Brings the best tree back, with all boxes made anew.
+    pub(super) fn restore(&mut self, device: &mut dyn Device, epoch: u32) -> Result<(), DeviceError> {
+        let mut recording = Recording::new();
+        self.moves.record_restore(&mut recording, self.internal, epoch);
+        self.measure.record_refit(&mut recording);
+        self.measure.record_no_arrivals(&mut recording);
+        self.submit(device, &recording)
+    }
+
+    /// Gives the memory back.
+    pub(super) fn finish(mut self, device: &mut dyn Device, stop: StopReason, working_bytes: u64) -> Outcome {
+        self.scratch.free(device);
+        set_relative_errors(&mut self.rows);
+        Outcome { rows: self.rows, stop, timings: self.timings, working_bytes }
+    }
+}

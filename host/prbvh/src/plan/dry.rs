@@ -1,0 +1,212 @@
+//! A device that does nothing but count: what a stage would allocate and run.
+
+use super::{Omission, PhaseBytes};
+use crate::build::{self, Codes, DeviceTree};
+use crate::collapse;
+use crate::device::{Buffer, Command, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
+use crate::optimize::{Limits, PrbvhSettings, prbvh};
+use crate::settings::Initial;
+use crate::trace::TraceScene;
+use prbvh_kernel::Kernel;
+use prbvh_kernel::setup::Triangle;
+use std::collections::BTreeSet;
+use std::ops::ControlFlow;
+
+/// Runs the stages' own code, so that an estimate cannot differ from what they allocate. Nothing is computed: what is read back is 0.
+#[derive(Debug)]
+pub(super) struct DryDevice {
+    info: DeviceInfo,
+    memory: MemoryUse,
+    largest: Option<Buffer>,
+    dispatches: u64,
+    iterations: u64,
+    kernels: BTreeSet<Kernel>,
+    next_id: u32,
+}
+
+/// What a stage took.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Taken {
+    pub(super) peak_bytes: u64,
+    pub(super) dispatches: u64,
+    /// Iterations that were made: an optimiser ends early where it finds nothing to do.
+    pub(super) iterations: u64,
+    /// Those that it runs on some data are among them.
+    pub(super) kernels: BTreeSet<Kernel>,
+}
+
+/// Kernels of a prefix sum and of a sort.
+const SCAN: [Kernel; 3] = [Kernel::ScanSums, Kernel::ScanSpine, Kernel::ScanApply];
+#[cfg(feature = "atrbvh")]
+const SORT: [Kernel; 2] = [Kernel::SortCount, Kernel::SortScatter];
+/// Kernels of stages that go on by what they read back, and nothing is to be read here.
+const ROUNDS: [Kernel; 3] = [Kernel::PlocNearest, Kernel::PlocMark, Kernel::PlocMerge];
+#[cfg(feature = "atrbvh")]
+const TREELETS: [Kernel; 2] = [Kernel::AtrbvhLevels, Kernel::AtrbvhRestructure];
+const COLLAPSE: [Kernel; 4] =
+    [Kernel::CollapseSizes, Kernel::CollapsePlaces, Kernel::CollapseJump, Kernel::CollapseEmit];
+
+impl DryDevice {
+    /// A device like the one with `info`, but without its limits.
+    pub(super) fn new(info: &DeviceInfo) -> Self {
+        let info = DeviceInfo { max_buffer_bytes: u64::MAX, memory_bytes: 0, ..info.clone() };
+        Self {
+            info,
+            memory: MemoryUse::default(),
+            largest: None,
+            dispatches: 0,
+            iterations: 0,
+            kernels: BTreeSet::new(),
+            next_id: 0,
+        }
+    }
+
+    pub(super) fn taken(&self) -> Taken {
+        Taken {
+            peak_bytes: self.memory.peak_bytes,
+            dispatches: self.dispatches,
+            iterations: self.iterations,
+            kernels: self.kernels.clone(),
+        }
+    }
+
+    pub(super) fn phase(&self, phase: String, runs: bool) -> PhaseBytes {
+        let (label, bytes) = self.largest.as_ref().map_or(("", 0), |buffer| (buffer.label, buffer.bytes()));
+        PhaseBytes {
+            phase,
+            runs,
+            peak_bytes: self.memory.peak_bytes,
+            largest_buffer: label,
+            largest_buffer_bytes: bytes,
+        }
+    }
+
+    /// Builds the initial tree.
+    pub(super) fn build(&mut self, initial: &Initial, codes: Codes, triangles: &[Triangle]) -> Result<(), DeviceError> {
+        let tree = match initial {
+            Initial::Lbvh => build::lbvh(self, triangles, codes)?.0,
+            Initial::Ploc { radius } => {
+                let (tree, _, _) = build::ploc(self, triangles, codes, *radius)?;
+                if triangles.len() > 1 {
+                    self.kernels.extend(ROUNDS.into_iter().chain(SCAN));
+                }
+                tree
+            }
+            #[cfg(feature = "atrbvh")]
+            Initial::Atrbvh { treelet } => {
+                let (tree, _) = build::lbvh(self, triangles, codes)?;
+                // Ends as soon as it sees that nothing was computed, but all its buffers are there by then.
+                if let Err(error @ (DeviceError::Limit { .. } | DeviceError::OutOfMemory { .. })) =
+                    build::restructure(self, &tree, *treelet, &mut |_, _| {})
+                {
+                    return Err(error);
+                }
+                if triangles.len() > 2 {
+                    self.kernels.extend(TREELETS.into_iter().chain(SORT).chain(SCAN));
+                }
+                tree
+            }
+            _ => self.tree(triangles.len())?,
+        };
+        tree.free(self);
+        Ok(())
+    }
+
+    /// Optimises by PRBVH, in so many iterations.
+    pub(super) fn optimize(
+        &mut self,
+        triangles: usize,
+        settings: PrbvhSettings,
+        iterations: u32,
+    ) -> Result<(), DeviceError> {
+        let tree = self.tree(triangles)?;
+        let settings = PrbvhSettings { limits: Limits::iterations(iterations), ..settings };
+        let outcome = prbvh(self, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(()))?;
+        self.iterations = outcome.rows.len() as u64 - 1;
+        tree.free(self);
+        Ok(())
+    }
+
+    /// The tree alone.
+    pub(super) fn hold_tree(&mut self, triangles: usize) -> Result<(), DeviceError> {
+        let tree = self.tree(triangles)?;
+        tree.free(self);
+        Ok(())
+    }
+
+    pub(super) fn collapse(&mut self, triangles: usize) -> Result<(), DeviceError> {
+        let tree = self.tree(triangles)?;
+        collapse::reserve(self, tree.references)?;
+        self.kernels.extend(COLLAPSE);
+        tree.free(self);
+        Ok(())
+    }
+
+    pub(super) fn trace(&mut self, triangles: usize) -> Result<(), DeviceError> {
+        TraceScene::reserve(self, triangles)
+    }
+
+    fn tree(&mut self, triangles: usize) -> Result<DeviceTree, DeviceError> {
+        build::check_limits(&self.info, triangles)?;
+        DeviceTree::allocate(self, u32::try_from(triangles).expect("checked against the limit of indices"))
+    }
+}
+
+impl Device for DryDevice {
+    fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    fn allocate(&mut self, label: &'static str, length: usize, element_bytes: usize) -> Result<Buffer, DeviceError> {
+        let buffer = Buffer { id: self.next_id, label, length, element_bytes };
+        self.next_id += 1;
+        self.memory.bytes += buffer.bytes();
+        self.memory.peak_bytes = self.memory.peak_bytes.max(self.memory.bytes);
+        if self.largest.as_ref().is_none_or(|largest| largest.bytes() < buffer.bytes()) {
+            self.largest = Some(buffer.clone());
+        }
+        Ok(buffer)
+    }
+
+    fn free(&mut self, buffer: Buffer) {
+        self.memory.bytes -= buffer.bytes();
+    }
+
+    fn upload(&mut self, _: &Buffer, _: &[u8]) -> Result<(), DeviceError> {
+        Ok(())
+    }
+
+    fn download_from(&mut self, _: &Buffer, _: usize, bytes: &mut [u8]) -> Result<(), DeviceError> {
+        bytes.fill(0);
+        Ok(())
+    }
+
+    fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
+        for (_, command) in recording.commands() {
+            if let Command::Dispatch(dispatch) = command {
+                self.dispatches += 1;
+                self.kernels.insert(dispatch.kernel);
+            }
+        }
+        Ok(Vec::new())
+    }
+
+    fn memory(&self) -> MemoryUse {
+        self.memory
+    }
+}
+
+/// What `without` took beyond `with`.
+pub(super) fn saving(without: &Taken, with: &Taken) -> super::Saving {
+    super::Saving {
+        bytes: without.peak_bytes.saturating_sub(with.peak_bytes),
+        dispatches: without.dispatches.saturating_sub(with.dispatches),
+        ..super::Saving::default()
+    }
+}
+
+/// The codes that a run sorts by if these omissions are kept in.
+pub(super) fn codes_with(enough: Codes, asked: Codes, keep: &[Omission]) -> Codes {
+    let bits = if keep.contains(&Omission::LowerCodes) { asked.bits } else { enough.bits };
+    if keep.contains(&Omission::EqualBits) { Codes { bits, ..asked } } else { Codes { bits, ..enough } }
+}

@@ -1,0 +1,172 @@
+//! What a run is asked for: initial tree, optimiser, leaves.
+
+use crate::build::{MortonBits, TreeletSize};
+use crate::bvh::MaxDepth;
+use crate::collapse::CollapseSettings;
+use crate::optimize::{Limits, PrbvhSettings, RbvhSettings};
+use serde::Serialize;
+use std::fmt;
+use std::num::NonZeroU32;
+#[cfg(feature = "files")]
+use std::path::PathBuf;
+
+/// A method that this program was built without.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{method} is not in this program: it was built without the cargo feature `{feature}`")]
+pub struct FeatureOff {
+    /// The method.
+    pub method: &'static str,
+    /// The cargo feature that has it.
+    pub feature: &'static str,
+}
+
+/// Where the initial tree comes from.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Initial {
+    /// LBVH (Karras 2012), on the device.
+    #[default]
+    Lbvh,
+    /// PLOC (Meister & Bittner 2017), on the device.
+    Ploc {
+        /// Places in the Morton order that a cluster looks to either side for its nearest neighbour.
+        radius: NonZeroU32,
+    },
+    /// ATRBVH (Domingues & Pedrini 2015), on the device; only with the cargo feature `atrbvh`.
+    Atrbvh {
+        /// Leaves of a treelet.
+        treelet: TreeletSize,
+    },
+    /// Full-sweep SAH, on the CPU.
+    SahSweep,
+    /// Binned SAH (Wald 2007), on the CPU.
+    SahBinned,
+    /// A `tree.bvh` over the same scene with one triangle per leaf; only with the cargo feature `files`.
+    #[cfg(feature = "files")]
+    File(PathBuf),
+}
+
+impl Initial {
+    /// Whether it is built from Morton codes.
+    pub(crate) fn has_codes(&self) -> bool {
+        matches!(self, Self::Lbvh | Self::Ploc { .. } | Self::Atrbvh { .. })
+    }
+
+    /// As on the command line, but no path.
+    pub(crate) fn method(&self) -> String {
+        if self.is_file() { "tree file".to_owned() } else { self.to_string() }
+    }
+
+    /// Whether it is read.
+    pub(crate) fn is_file(&self) -> bool {
+        #[cfg(feature = "files")]
+        return matches!(self, Self::File(_));
+        #[cfg(not(feature = "files"))]
+        return false;
+    }
+
+    /// Whether this program has the builder.
+    ///
+    /// # Errors
+    /// If a cargo feature left it out.
+    pub fn check(&self) -> Result<(), FeatureOff> {
+        match self {
+            Self::Atrbvh { .. } if !cfg!(feature = "atrbvh") => Err(FeatureOff { method: "atrbvh", feature: "atrbvh" }),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// As on the command line: `lbvh`, `ploc`, `atrbvh`, `sah-sweep`, `sah-binned`, or the path of the file.
+impl fmt::Display for Initial {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Lbvh => f.write_str("lbvh"),
+            Self::Ploc { .. } => f.write_str("ploc"),
+            Self::Atrbvh { .. } => f.write_str("atrbvh"),
+            Self::SahSweep => f.write_str("sah-sweep"),
+            Self::SahBinned => f.write_str("sah-binned"),
+            #[cfg(feature = "files")]
+            Self::File(path) => path.display().fmt(f),
+        }
+    }
+}
+
+/// What makes the initial tree better.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Optimizer {
+    /// PRBVH (Meister & Bittner 2018) with [`Settings::prbvh`], on the device.
+    #[default]
+    Prbvh,
+    /// RBVH (Bittner, Hapala & Havran 2013), on one thread of the host.
+    Rbvh(RbvhSettings),
+    /// Nothing: the initial tree is handed out.
+    None,
+}
+
+/// As on the command line.
+impl fmt::Display for Optimizer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Prbvh => "prbvh",
+            Self::Rbvh(_) => "rbvh",
+            Self::None => "none",
+        })
+    }
+}
+
+/// Settings of a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Settings {
+    /// Where the initial tree comes from.
+    pub initial: Initial,
+    /// Length of the Morton codes.
+    pub morton_bits: MortonBits,
+    /// The optimiser.
+    pub optimizer: Optimizer,
+    /// Settings of [`Optimizer::Prbvh`].
+    pub prbvh: PrbvhSettings,
+    /// Adaptive leaves after the optimisation; none: one triangle per leaf.
+    pub adaptive: Option<CollapseSettings>,
+    /// Triangles of equal boxes are one reference while the tree is built and optimised: faster, another tree of about the same cost. Not
+    /// for trees that nothing optimises or that come from a file.
+    pub fold_duplicates: bool,
+    /// Most links between the root and a leaf of the tree handed out, counted with one triangle per leaf: adaptive leaves, which come after
+    /// it, only make it shallower.
+    pub max_depth: MaxDepth,
+}
+
+impl Settings {
+    /// What ends the optimiser early. Where there is none, the limits of [`Settings::prbvh`], which then end nothing.
+    #[must_use]
+    pub fn limits(&self) -> &Limits {
+        match &self.optimizer {
+            Optimizer::Rbvh(settings) => &settings.limits,
+            Optimizer::Prbvh | Optimizer::None => &self.prbvh.limits,
+        }
+    }
+
+    /// As [`Settings::limits`].
+    pub fn limits_mut(&mut self) -> &mut Limits {
+        match &mut self.optimizer {
+            Optimizer::Rbvh(settings) => &mut settings.limits,
+            Optimizer::Prbvh | Optimizer::None => &mut self.prbvh.limits,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::TreeletSize;
+
+    #[test]
+    fn a_method_that_is_left_out_says_so() {
+        let initial = Initial::Atrbvh { treelet: TreeletSize::default() };
+        assert_eq!(initial.to_string(), "atrbvh");
+        assert_eq!(initial.check().is_ok(), cfg!(feature = "atrbvh"));
+        let error = FeatureOff { method: "atrbvh", feature: "atrbvh" }.to_string();
+        assert!(error.contains("without the cargo feature `atrbvh`"), "{error}");
+    }
+}
