@@ -7,7 +7,7 @@ use super::interrupt::{Held, Interrupt};
 use super::log::Log;
 use super::out_folder::OutFolder;
 use super::overwrite::refuse_overwrite;
-use super::scenes::Named;
+use super::scenes::{Named, each_once};
 use super::stdout::print;
 use anyhow::Context;
 use clap::ValueEnum;
@@ -37,9 +37,10 @@ const TREE: &str = "tree.bvh";
 
 pub(super) fn run(args: &OptimizeArgs, log: &Log, interrupt: &Interrupt) -> anyhow::Result<ExitCode> {
     let settings = args.settings()?;
-    match &args.scenes.named()?[..] {
+    let scenes = args.scenes.named()?;
+    match &scenes[..] {
         [scene] if !args.scenes.in_a_row() => alone(args, &settings, scene, log, interrupt),
-        scenes => in_a_row::run(args, &settings, scenes, log, interrupt),
+        _ => in_a_row::run(args, &settings, &each_once(scenes), log, interrupt),
     }
 }
 

@@ -6,6 +6,7 @@ use super::read_args::ReadArgs;
 use anyhow::Context;
 use clap::Args;
 use prbvh::scene::Scene;
+use std::collections::HashSet;
 use std::ffi::OsString;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -29,7 +30,7 @@ pub(super) struct ScenesArgs {
 }
 
 /// A scene to load.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Named {
     pub(super) path: PathBuf,
     /// Of the built-in scene.
@@ -45,7 +46,7 @@ impl Named {
 }
 
 impl ScenesArgs {
-    /// The scenes in the order of the arguments and then of the list, each once.
+    /// The scenes in the order of the arguments and then of the list.
     ///
     /// # Errors
     /// If the list cannot be read or has none, or a size is given and no scene that has one.
@@ -62,15 +63,9 @@ impl ScenesArgs {
             let others: Vec<String> = paths.iter().take(3).map(|path| path.display().to_string()).collect();
             anyhow::bail!("--triangles is for the built-in scene, not for {}", others.join(", "));
         }
-        let mut named: Vec<Named> = Vec::new();
-        for path in paths {
-            let triangles = self.triangles.filter(|_| is_built_in(&path));
-            let scene = Named { path, triangles, read: self.read };
-            if !named.contains(&scene) {
-                named.push(scene);
-            }
-        }
-        Ok(named)
+        let named =
+            |path| Named { triangles: self.triangles.filter(|_| is_built_in(&path)), path, read: self.read };
+        Ok(paths.into_iter().map(named).collect())
     }
 
     /// Whether they may be many, also where it is one this time: then each has a folder of its own in that of `--out`.
@@ -87,6 +82,13 @@ impl ScenesArgs {
     pub(super) fn list(&self) -> Option<&Path> {
         self.list.as_deref()
     }
+}
+
+/// What is named twice is there once.
+pub(super) fn each_once(mut scenes: Vec<Named>) -> Vec<Named> {
+    let mut seen = HashSet::new();
+    scenes.retain(|scene| seen.insert(scene.clone()));
+    scenes
 }
 
 fn read_list(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
@@ -129,7 +131,7 @@ mod tests {
         let scenes = scenes.iter().map(PathBuf::from).collect();
         let arguments =
             ScenesArgs { scenes, list: list.map(Path::to_owned), triangles, resume: false, read: ReadArgs::default() };
-        let named = arguments.named().map_err(|error| format!("{error:#}"))?;
+        let named = each_once(arguments.named().map_err(|error| format!("{error:#}"))?);
         Ok(named.iter().map(|Named { path, triangles, .. }| format!("{} {triangles:?}", path.display())).collect())
     }
 
