@@ -1,9 +1,11 @@
 //! The bound on the depth of trees, and trees as deep as they have triangles.
 
+use prbvh::build::DEFAULT_RADIUS;
 use prbvh::bvh::{
     Bvh, BvhNode, Content, MaxDepth, NO_NODE, SAH_BUDGET, SahModel, bound_depth, file, quality, tree_hash, validate,
 };
 use prbvh::collapse::CollapseSettings;
+use prbvh::optimize::{PrbvhSettings, RbvhSettings};
 use prbvh::pipeline::{Initial, Optimized, Optimizer, Settings, optimize};
 use prbvh::scene::{Scene, built_in};
 use prbvh_kernel::aabb::Aabb;
@@ -58,17 +60,22 @@ fn every_way_to_a_tree_keeps_to_the_bound_on_every_device() {
     let comb = comb();
     let scene = Scene::from_triangles("comb", comb.clone()).unwrap();
     let twice = Scene::from_triangles("twice", comb.repeat(2)).unwrap();
-    let usual = Settings::default();
-    let sweep = Settings { initial: Initial::SahSweep, optimizer: Optimizer::None, ..usual.clone() };
-    let adaptive = Settings { adaptive: Some(CollapseSettings::default()), ..usual.clone() };
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("chain.bvh");
+    file::write(&file, &chain(&scene.triangles), &scene.hash).unwrap();
+    // LBVH is shallow, and where there is nothing to gain it stays so.
+    let ploc = Settings { initial: Initial::Ploc { radius: DEFAULT_RADIUS }, ..Settings::default() };
+    let chain = Settings { initial: Initial::File(file), ..Settings::default() };
+    let published = Settings { prbvh: PrbvhSettings::published(), ..ploc.clone() };
+    let adaptive = Settings { adaptive: Some(CollapseSettings::default()), ..ploc.clone() };
     let folded = Settings { fold_duplicates: true, ..adaptive.clone() };
-    let published = Settings { prbvh: prbvh::optimize::PrbvhSettings::published(), ..usual.clone() };
-    let rbvh = Settings { optimizer: Optimizer::Rbvh(prbvh::optimize::RbvhSettings::default()), ..usual.clone() };
+    let rbvh = Settings { optimizer: Optimizer::Rbvh(RbvhSettings::default()), ..chain.clone() };
+    let unoptimised = Settings { optimizer: Optimizer::None, ..chain };
     let runs = [
-        ("by default", &scene, usual),
+        ("worst first", &scene, ploc),
         ("published", &scene, published),
         ("rbvh", &scene, rbvh),
-        ("sweep", &scene, sweep),
+        ("no optimiser", &scene, unoptimised),
         ("adaptive", &scene, adaptive),
         ("folded", &twice, folded),
     ];
@@ -77,6 +84,7 @@ fn every_way_to_a_tree_keeps_to_the_bound_on_every_device() {
         let bound = result.bound.unwrap_or_else(|| panic!("{name}: {:?}", result.quality));
         println!("{name}: {bound}");
         assert!(bound.depth_before > 63 && bound.depth_after <= 63, "{name}: {bound:?}");
+        // From level 40 on, boxes are below 2^-80 of the root's.
         assert!(bound.rise().abs() < 1e-9, "{name}: {bound:?}");
         assert_eq!((bound.cost_before, bound.cost_after), (result.optimized_cost(), result.quality.sah_cost), "{name}");
         let handed_out = quality(&result.tree, &SahModel::default());
@@ -100,7 +108,7 @@ fn the_tightest_bound_is_met_and_a_tighter_one_refused() {
     let scene = Scene::from_triangles("soup", soup(700, 0.2, 3)).unwrap();
     let with = |links| Settings { max_depth: MaxDepth::new(links), ..Settings::default() };
     let mut rise = f64::INFINITY;
-    for links in [10, 11, 13] {
+    for links in [10, 11] {
         let bound = everywhere(&scene, &with(links)).bound.unwrap();
         println!("{links}: {bound}");
         assert!(bound.depth_after <= links, "{bound:?}");
@@ -123,7 +131,7 @@ fn the_tightest_bound_is_met_and_a_tighter_one_refused() {
 }
 
 fn command(folder: &Path, arguments: &str) -> Ended {
-    run(PRBVH, folder, &arguments.split(' ').collect::<Vec<_>>())
+    run(PRBVH, folder, &arguments.split_whitespace().collect::<Vec<_>>())
 }
 
 #[test]
@@ -141,19 +149,19 @@ fn the_command_bounds_the_depth_and_says_so() {
     assert_eq!((&usual["settings"]["max_depth"], &usual["bound"]), (&63.into(), &serde_json::Value::Null));
     assert_eq!(usual["tree_hash"], free["tree_hash"]);
 
-    let tight = optimize("--max-depth 13 --out out").ok();
+    let tight = optimize("--max-depth 16 --out out").ok();
     let report = tight.json();
     let bound = &report["bound"];
-    assert_eq!((&bound["max_depth"], &bound["depth_before"]), (&13.into(), &free["depth"]));
+    assert_eq!((&bound["max_depth"], &bound["depth_before"]), (&16.into(), &free["depth"]));
     assert_eq!((&bound["cost_before"], &bound["cost_after"]), (&free["final_cost"], &report["final_cost"]));
     assert!(bound["subtrees"].as_u64() > Some(0) && bound["nodes"].as_u64() > Some(0), "{bound}");
-    assert!(tight.stderr.contains("--max-depth 13: depth "), "{}", tight.stderr);
+    assert!(tight.stderr.contains("INFO --max-depth 16: depth "), "{}", tight.stderr);
     let stats = command(folder.path(), "stats out/tree.bvh --json").ok().json();
-    assert!(stats["max_depth"].as_u64().unwrap() <= 13, "{stats}");
+    assert!(stats["max_depth"].as_u64().unwrap() <= 16, "{stats}");
     assert_eq!((&stats["stack"], &stats["tree_hash"]), (&stats["max_depth"], &report["tree_hash"]));
     let text = command(folder.path(), "stats out/tree.bvh").ok().stdout;
     assert!(text.contains(&format!("stack        {} entries", stats["stack"])), "{text}");
-    let table = command(folder.path(), "optimize --triangles 3000 --device cpu --max-depth 13").ok().stdout;
+    let table = command(folder.path(), "optimize --triangles 3000 --device cpu --max-depth 16").ok().stdout;
     assert!(table.contains("bounded to"), "{table}");
 
     // As tight as can be: if that is dear, the log says so with both costs.

@@ -89,6 +89,6 @@ pub fn methods() -> Vec<Method> {
         Method::published("ploc+prbvh-9", ploc(), 9),
         Method::published("ploc+prbvh-1", ploc(), 1),
         Method::worst_first("worst-first+adaptive", Initial::Lbvh).with_adaptive_leaves(),
-        Method::worst_first("worst-first+bounded", Initial::Lbvh).with_bounded_depth(),
+        Method::worst_first("ploc+worst-first+bounded", ploc()).with_bounded_depth(),
     ]
 }

@@ -88,9 +88,9 @@ impl MaxDepth {
 }
 
 impl Default for MaxDepth {
-    /// 63. Stacks of 64 entries are the usual ones (PBRT's `nodesToVisit`, tinybvh, the kernels of Aila & Laine 2009, `trace_64` here). An
-    /// ordered traversal needs an entry per link ([`Quality::stack`]); the 64th is for a mark at the bottom, as Aila & Laine have it, or
-    /// for a traversal that pushes both children and takes one off again.
+    /// At most 63 links. Stacks of 64 entries are the usual ones (PBRT's `nodesToVisit`, tinybvh, the kernels of Aila & Laine 2009,
+    /// `trace_64` here). An ordered traversal needs an entry per link ([`Quality::stack`]); the 64th is for a mark at the bottom, as
+    /// Aila & Laine have it, or for a traversal that pushes both children and takes one off again.
     fn default() -> Self {
         Self::new(63)
     }

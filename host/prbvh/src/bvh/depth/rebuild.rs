@@ -163,7 +163,8 @@ impl Split {
         let orders = [0, 1, 2].map(|axis| {
             let doubled_centre = |id: u32| {
                 let Aabb { min, max } = items[id as usize].aabb;
-                f64::from(min[axis]) + f64::from(max[axis])
+                // The last zero makes one of both zeros.
+                f64::from(min[axis]) + f64::from(max[axis]) + 0.0
             };
             let mut order: Vec<u32> = ids().collect();
             // Stable: items with one centre stay in depth-first order.
