@@ -1,26 +1,14 @@
 //! What the command line can say.
 
 use super::compare_args::{CompareArgs, PeerArgs};
-use super::leaves::LeavesArgs;
-use super::optimizer::OptimizerArgs;
+use super::optimize_args::OptimizeArgs;
 use super::plan::PlanArgs;
-use super::preset::{PRESET_SETS, PresetArg};
 use super::read_args::ReadArgs;
 use super::render_args::RenderArgs;
-use super::scenes::ScenesArgs;
 use super::stability::StabilityArgs;
-use super::target::TargetArgs;
-use clap::builder::{OsStringValueParser, TypedValueParser};
-use clap::{Args, Parser, Subcommand, ValueEnum};
-use prbvh::build::{DEFAULT_RADIUS, MortonBits, TreeletSize};
-use prbvh::bvh::MaxDepth;
-use prbvh::device::DeviceChoice;
-use prbvh::optimize::{Epsilon, Order, PrbvhSettings, Strategy};
-use prbvh::pipeline::{Initial, Settings};
-use std::ffi::OsString;
-use std::num::NonZeroU32;
-use std::path::{Path, PathBuf};
-use std::time::Duration;
+use super::values::BUILT_IN;
+use clap::{Args, Parser, Subcommand};
+use std::path::PathBuf;
 
 /// Makes the bounding volume hierarchy of a triangle scene better, by parallel reinsertion (Meister & Bittner 2018).
 ///
@@ -60,180 +48,6 @@ pub(super) enum Command {
 }
 
 #[derive(Debug, Args)]
-pub(super) struct OptimizeArgs {
-    #[command(flatten)]
-    pub(super) scenes: ScenesArgs,
-    /// Where the initial tree comes from: lbvh, ploc, atrbvh, sah-sweep, sah-binned, or a tree.bvh over the same scene.
-    #[arg(long, default_value = "lbvh", value_name = "BUILDER|FILE.bvh", value_parser = OsStringValueParser::new().try_map(initial))]
-    pub(super) initial: Initial,
-    /// Places in the Morton order that a cluster of ploc looks to either side [default: 16].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
-    pub(super) radius: Option<u32>,
-    /// Leaves of the treelets that atrbvh restructures, 4 to 32 [default: 20].
-    #[arg(long, value_name = "N", value_parser = treelet, allow_negative_numbers = true)]
-    pub(super) treelet: Option<TreeletSize>,
-    /// Bits of the Morton codes that the initial tree is built from.
-    #[arg(long, value_enum, default_value_t)]
-    pub(super) morton_bits: MortonBitsArg,
-    /// Of the published order: when a reinsertion may run beside others [default: aggressive].
-    #[arg(long, value_enum)]
-    pub(super) strategy: Option<StrategyArg>,
-    /// Which nodes PRBVH searches first.
-    #[arg(long, value_enum, default_value_t)]
-    pub(super) order: OrderArg,
-    /// Settings that were chosen by measurement, in place of those of the initial tree and the optimiser.
-    #[arg(long, value_enum, conflicts_with_all = PRESET_SETS)]
-    pub(super) preset: Option<PresetArg>,
-    #[command(flatten)]
-    pub(super) target: TargetArgs,
-    #[command(flatten)]
-    pub(super) optimizer: OptimizerArgs,
-    /// Of the published order: search every µ-th node in an iteration; falls to 1 as the cost settles [default: 9].
-    #[arg(long, value_name = "µ", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
-    pub(super) mu: Option<u32>,
-    /// Of the published order: change of the cost that counts as none, as a part of the initial cost [default: 0.0001].
-    #[arg(long, value_name = "PART", value_parser = not_negative, allow_negative_numbers = true)]
-    pub(super) epsilon: Option<f64>,
-    /// The same in the unit of the cost; the paper has 0.1.
-    #[arg(long, value_name = "COST", value_parser = not_negative, allow_negative_numbers = true, conflicts_with = "epsilon")]
-    pub(super) epsilon_absolute: Option<f64>,
-    /// Start no iteration after this many seconds.
-    #[arg(long, value_name = "SECONDS", value_parser = not_negative, allow_negative_numbers = true)]
-    pub(super) max_time: Option<f64>,
-    /// Most iterations, which are batches of RBVH [default: 1000; RBVH: 100000].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub(super) max_iterations: Option<u32>,
-    /// Take triangles of equal boxes for one until the tree is optimised: faster, another tree of about the same cost.
-    #[arg(long)]
-    pub(super) fold_duplicates: bool,
-    /// Most levels below the root, with one triangle per leaf: what is deeper is built anew; off: no bound.
-    #[arg(long, value_name = "LEVELS|off", default_value_t, allow_negative_numbers = true)]
-    pub(super) max_depth: MaxDepth,
-    #[command(flatten)]
-    pub(super) leaves: LeavesArgs,
-    /// auto, cpu, vulkan or vulkan:N.
-    #[arg(long, default_value_t, value_name = "DEVICE")]
-    pub(super) device: DeviceChoice,
-    /// Threads of the CPU device, and of what the host does for it; 0 for one per core.
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads, allow_negative_numbers = true)]
-    pub(super) threads: usize,
-    /// Write report.json, iterations.csv, convergence.svg and tree.bvh to this folder.
-    #[arg(long, value_name = "DIR")]
-    pub(super) out: Option<PathBuf>,
-    /// Print one JSON object to stdout instead of the table; of many scenes one in a line for each.
-    #[arg(long)]
-    pub(super) json: bool,
-    /// Compare the numbers of every iteration with f64: cost, predicted decrease, drift of the search. Takes a multiple of the time.
-    #[arg(long)]
-    pub(super) check_numerics: bool,
-    /// Turn Vulkan's validation layer on.
-    #[arg(long)]
-    pub(super) validate: bool,
-}
-
-/// The scene that needs no file.
-pub(super) const BUILT_IN: &str = "built-in";
-
-impl OptimizeArgs {
-    /// What `prbvh` without a command does.
-    pub(super) fn main_job() -> Self {
-        let Cli { command, .. } = Cli::parse_from(["prbvh", "optimize", BUILT_IN, "--out", "prbvh-report"]);
-        match command {
-            Some(Command::Optimize(args)) => *args,
-            _ => unreachable!("the arguments above say `optimize`"),
-        }
-    }
-
-    /// The settings that the arguments say.
-    ///
-    /// # Errors
-    /// If two arguments contradict each other.
-    pub(super) fn settings(&self) -> anyhow::Result<Settings> {
-        let defaults = PrbvhSettings::default();
-        let epsilon = match (self.epsilon, self.epsilon_absolute) {
-            (_, Some(change)) => Epsilon::Absolute(change),
-            (Some(part), None) => Epsilon::Relative(part),
-            (None, None) => defaults.epsilon,
-        };
-        let asked = Settings {
-            optimizer: self.optimizer.settings(self)?,
-            initial: self.initial()?,
-            morton_bits: match self.morton_bits {
-                MortonBitsArg::Thirty => MortonBits::Thirty,
-                MortonBitsArg::Sixty => MortonBits::Sixty,
-            },
-            prbvh: PrbvhSettings {
-                order: match self.order {
-                    OrderArg::WorstFirst => Order::WorstFirst,
-                    OrderArg::Published => Order::Published,
-                },
-                strategy: match self.strategy.unwrap_or_default() {
-                    StrategyArg::Aggressive => Strategy::Aggressive,
-                    StrategyArg::Conservative => Strategy::Conservative,
-                },
-                mu: self.mu.unwrap_or(defaults.mu),
-                epsilon,
-                ..defaults
-            },
-            adaptive: self.leaves.settings(),
-            fold_duplicates: self.fold_duplicates,
-            max_depth: self.max_depth,
-        };
-        let mut settings = match self.preset {
-            Some(preset) => preset.apply(asked),
-            None => asked,
-        };
-        let limits = settings.limits_mut();
-        limits.max_iterations = self.max_iterations.unwrap_or(limits.max_iterations);
-        limits.max_time = self.max_time.map(|seconds| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX));
-        Ok(settings)
-    }
-
-    fn initial(&self) -> anyhow::Result<Initial> {
-        let mut initial = self.initial.clone();
-        match (&mut initial, self.radius.and_then(NonZeroU32::new)) {
-            (Initial::Ploc { radius }, Some(asked)) => *radius = asked,
-            (other, Some(_)) => anyhow::bail!("--radius is for --initial ploc, not for {other}"),
-            (_, None) => {}
-        }
-        match (&mut initial, self.treelet) {
-            (Initial::Atrbvh { treelet }, Some(asked)) => *treelet = asked,
-            (other, Some(_)) => anyhow::bail!("--treelet is for --initial atrbvh, not for {other}"),
-            (_, None) => {}
-        }
-        initial.check()?;
-        Ok(initial)
-    }
-}
-
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
-pub(super) enum StrategyArg {
-    /// If their links do not overlap.
-    #[default]
-    Aggressive,
-    /// If their boxes do not overlap either: the cost never rises.
-    Conservative,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(super) enum OrderArg {
-    /// Those that look worst, few at first and then ever more of them; both children of each move.
-    #[default]
-    WorstFirst,
-    /// All in turn, as published (Meister & Bittner 2018); single subtrees move.
-    Published,
-}
-
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
-pub(super) enum MortonBitsArg {
-    #[value(name = "30")]
-    Thirty,
-    #[default]
-    #[value(name = "60")]
-    Sixty,
-}
-
-#[derive(Debug, Args)]
 pub(super) struct StatsArgs {
     /// The tree.
     pub(super) tree: PathBuf,
@@ -257,107 +71,20 @@ pub(super) struct DevicesArgs {
     pub(super) json: bool,
 }
 
-fn initial(text: OsString) -> Result<Initial, String> {
-    match text.to_str() {
-        Some("lbvh") => Ok(Initial::Lbvh),
-        Some("ploc") => Ok(Initial::Ploc { radius: DEFAULT_RADIUS }),
-        Some("atrbvh") => Ok(Initial::Atrbvh { treelet: TreeletSize::default() }),
-        Some("sah-sweep") => Ok(Initial::SahSweep),
-        Some("sah-binned") => Ok(Initial::SahBinned),
-        _ if Path::new(&text).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("bvh")) => {
-            Ok(Initial::File(text.into()))
-        }
-        _ => Err("neither lbvh, ploc, atrbvh, sah-sweep, sah-binned nor a tree file that ends in .bvh".to_owned()),
-    }
-}
-
-fn treelet(text: &str) -> Result<TreeletSize, String> {
-    let leaves = text.parse::<u32>().map_err(|error| error.to_string())?;
-    TreeletSize::new(leaves).map_err(|error| error.to_string())
-}
-
-pub(super) fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
-        _ => Err("not a finite number of at least 0".to_owned()),
-    }
-}
-
-pub(super) fn threads(text: &str) -> Result<usize, String> {
-    const MOST: usize = 1024;
-    match text.parse::<usize>() {
-        Ok(threads) if threads <= MOST => Ok(threads),
-        _ => Err(format!("not a number from 0 to {MOST}")),
+/// What `prbvh` without a command does.
+pub(super) fn main_job() -> OptimizeArgs {
+    let Cli { command, .. } = Cli::parse_from(["prbvh", "optimize", BUILT_IN, "--out", "prbvh-report"]);
+    match command {
+        Some(Command::Optimize(args)) => *args,
+        _ => unreachable!("the arguments above say `optimize`"),
     }
 }
 
 /// What `prbvh optimize` with these arguments does, for tests.
 #[cfg(test)]
-pub(super) fn settings(arguments: &str) -> Result<Settings, String> {
+pub(super) fn settings(arguments: &str) -> Result<prbvh::pipeline::Settings, String> {
     let arguments = ["prbvh", "optimize"].into_iter().chain(arguments.split_whitespace());
     let cli = Cli::try_parse_from(arguments).map_err(|error| error.to_string())?;
     let Some(Command::Optimize(args)) = cli.command else { panic!("`optimize` was said") };
     args.settings().map_err(|error| error.to_string())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use prbvh::optimize::RbvhSettings;
-
-    #[test]
-    fn an_initial_tree_has_a_name_or_a_file() {
-        let initial = |arguments: &str| settings(arguments).map(|settings| settings.initial);
-        let ploc = |radius| Ok(Initial::Ploc { radius: NonZeroU32::new(radius).unwrap() });
-        assert_eq!(initial(""), Ok(Initial::Lbvh));
-        assert_eq!(initial("--initial lbvh"), Ok(Initial::Lbvh));
-        assert_eq!(initial("--initial ploc"), ploc(DEFAULT_RADIUS.get()));
-        assert_eq!(initial("--initial ploc --radius 10000"), ploc(10_000));
-        // A program without the method refuses it here.
-        let atrbvh = |leaves| {
-            let initial = Initial::Atrbvh { treelet: TreeletSize::new(leaves).unwrap() };
-            initial.check().map(|()| initial).map_err(|error| error.to_string())
-        };
-        assert_eq!(initial("--initial atrbvh"), atrbvh(20));
-        assert_eq!(initial("--initial atrbvh --treelet 32"), atrbvh(32));
-        assert_eq!(initial("--initial sah-sweep"), Ok(Initial::SahSweep));
-        assert_eq!(initial("--initial sah-binned"), Ok(Initial::SahBinned));
-        assert_eq!(initial("--initial out/tree.BVH"), Ok(Initial::File("out/tree.BVH".into())));
-        for name in ["lbvh", "ploc", "sah-sweep", "sah-binned", "a.bvh"] {
-            let arguments = format!("--initial {name}");
-            assert_eq!(initial(&arguments).unwrap().to_string(), name);
-        }
-    }
-
-    #[test]
-    fn what_is_no_initial_tree_is_refused() {
-        for (arguments, part) in [
-            ("--initial sbvh", "sah-binned"),
-            ("--initial tree.obj", "ends in .bvh"),
-            ("--initial ploc --radius 0", "0 is not in 1.."),
-            ("--initial ploc --radius many", "many"),
-            ("--radius 5", "--radius is for --initial ploc, not for lbvh"),
-            ("--initial a.bvh --radius 5", "not for a.bvh"),
-            ("--initial atrbvh --treelet 3", "a treelet has 4 to 32 leaves, not 3"),
-            ("--initial atrbvh --treelet 33", "a treelet has 4 to 32 leaves, not 33"),
-            ("--initial atrbvh --treelet -1", "invalid digit"),
-            ("--treelet 7", "--treelet is for --initial atrbvh, not for lbvh"),
-        ] {
-            let error = settings(arguments).unwrap_err();
-            assert!(error.contains(part), "{arguments}: {error}");
-        }
-    }
-
-    #[test]
-    fn the_help_names_the_defaults() {
-        use clap::CommandFactory;
-        let mut command = Cli::command();
-        let help = command.find_subcommand_mut("optimize").unwrap().render_long_help().to_string();
-        for default in [DEFAULT_RADIUS.get(), TreeletSize::DEFAULT.get(), PrbvhSettings::default().mu] {
-            assert!(help.contains(&format!("[default: {default}]")), "{help}");
-        }
-        let (prbvh, rbvh) = (PrbvhSettings::default(), RbvhSettings::default());
-        let most = format!("[default: {}; RBVH: {}]", prbvh.limits.max_iterations, rbvh.limits.max_iterations);
-        assert!(help.contains(&most), "{help}");
-    }
 }

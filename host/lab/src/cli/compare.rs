@@ -3,10 +3,9 @@
 use super::compare_args::{CompareArgs, DevicesChoice, PeerArgs};
 use super::interrupt::Interrupt;
 use super::log::Log;
-use super::optimize::DEFAULT_COLUMNS;
 use super::out_folder::OutFolder;
 use super::overwrite::{outputs_in, refuse_overwrite};
-use super::stdout::print;
+use super::stdout::{columns, print};
 use super::{check_max_depth, load_scene, print_error};
 use anyhow::Context;
 use prbvh::device::{self, Device, DeviceChoice, Selection, Stoppable, vulkan};
@@ -188,7 +187,7 @@ fn rows_as_json(comparison: &Comparison) -> serde_json::Result<String> {
 }
 
 fn print_tables(comparison: &Comparison) -> anyhow::Result<()> {
-    let columns = console::Term::stdout().size_checked().map_or(DEFAULT_COLUMNS, |(_, columns)| columns);
+    let columns = columns();
     for scene in &comparison.scenes {
         print(compare::table(scene, columns).trim_end())?;
         if let Some(errors) = compare::errors_table(scene, columns) {

@@ -1,8 +1,8 @@
 //! The arguments of `prbvh compare`, and of the process of a peer.
 
-use super::args::{BUILT_IN, not_negative, threads};
 use super::read_args::ReadArgs;
 use super::render_args::{AxisArg, size};
+use super::values::{BUILT_IN, not_negative, threads};
 use clap::{Args, ValueEnum};
 use prbvh::bvh::MaxDepth;
 use prbvh::device::DeviceChoice;

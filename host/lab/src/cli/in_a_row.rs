@@ -1,9 +1,9 @@
 //! `prbvh optimize` of many scenes, one after another on one device: a folder and a line for each, and on after a failure.
 
-use super::args::OptimizeArgs;
 use super::interrupt::{Held, Interrupt};
 use super::log::Log;
-use super::optimize::{self, Done, OUTPUTS};
+use super::one_run::{self, Done, OUTPUTS};
+use super::optimize_args::OptimizeArgs;
 use super::out_folder::OutFolder;
 use super::overwrite::refuse_overwrite;
 use super::scenes::Named;
@@ -29,7 +29,7 @@ pub(super) fn run(
         let of_scene = |name: &String| OUTPUTS.map(|file| folder.join(name).join(file));
         names.iter().flat_map(of_scene).chain([folder.join(SUMMARY)]).collect::<Vec<PathBuf>>()
     });
-    let inputs = scenes.iter().map(|scene| &*scene.path).chain(optimize::other_inputs(args, settings));
+    let inputs = scenes.iter().map(|scene| &*scene.path).chain(one_run::other_inputs(args, settings));
     refuse_overwrite(inputs, outputs)?;
     let device = Some(device::open(args.device, args.threads, args.validate)?);
     let folder = args.out.as_deref().map(OutFolder::open).transpose()?;
@@ -116,7 +116,7 @@ impl<'a> Row<'a> {
     fn attempt(&mut self, named: &Named, name: &str) -> anyhow::Result<(Line, Option<Held<'a>>)> {
         let Self { args, log, interrupt, .. } = *self;
         let scene = named.load()?;
-        let (settings, known) = optimize::settings_for(args, self.settings, &scene)?;
+        let (settings, known) = one_run::settings_for(args, self.settings, &scene)?;
         let as_json = serde_json::to_value(&settings)?;
         let path = self.folder.map(|folder| folder.path().join(name));
         if let (true, Some(summary), Some(path)) = (args.scenes.is_resumed(), &self.summary, &path)
@@ -132,12 +132,12 @@ impl<'a> Row<'a> {
             None => device::open(args.device, args.threads, args.validate)?,
         };
         let Done { result, report, held } =
-            optimize::optimized(args, &settings, &scene, known.as_ref(), &mut *device, (log, interrupt))?;
+            one_run::optimized(args, &settings, &scene, known.as_ref(), &mut *device, (log, interrupt))?;
         self.device = Some(device);
         if let Some(folder) = &folder {
-            optimize::write(folder.path(), &scene, &result, &report)?;
+            one_run::write(folder.path(), &scene, &result, &report)?;
         }
-        optimize::judge(&result, report.accuracy.as_ref())?;
+        one_run::judge(&result, report.accuracy.as_ref())?;
         let is_cut_short = result.outcome.stop == StopReason::Cancelled;
         let status = if is_cut_short { Status::Interrupted } else { Status::Done };
         let line = Line::of(named.path.display().to_string(), name.to_owned(), status, as_json, &report)?;

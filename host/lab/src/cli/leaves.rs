@@ -1,6 +1,6 @@
 //! The arguments that choose the leaves of a tree.
 
-use super::args::not_negative;
+use super::values::not_negative;
 use clap::{Args, ValueEnum};
 use prbvh::bvh::SahModel;
 use prbvh::collapse::CollapseSettings;

@@ -9,7 +9,9 @@ mod in_a_row;
 mod interrupt;
 mod leaves;
 mod log;
+mod one_run;
 mod optimize;
+mod optimize_args;
 mod optimizer;
 mod out_folder;
 mod overwrite;
@@ -24,9 +26,10 @@ mod stats;
 mod stdout;
 mod summary;
 mod target;
+mod values;
 
 use anyhow::Context;
-use args::{BUILT_IN, Cli, Command, OptimizeArgs};
+use args::{Cli, Command, main_job};
 use clap::Parser;
 use colour::Colour;
 use interrupt::Interrupt;
@@ -38,6 +41,7 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::process::ExitCode;
 use stdout::unless_unread;
+use values::BUILT_IN;
 
 /// Runs the command; errors go to stderr with their causes.
 pub(crate) fn main() -> ExitCode {
@@ -48,7 +52,7 @@ pub(crate) fn main() -> ExitCode {
     let log = log::start(cli.quiet, cli.verbose, Colour::settle());
     let interrupt = Interrupt::listen();
     let result = match cli.command {
-        None => optimize::run(&OptimizeArgs::main_job(), &log, &interrupt),
+        None => optimize::run(&main_job(), &log, &interrupt),
         Some(Command::Optimize(args)) => optimize::run(&args, &log, &interrupt),
         Some(Command::Plan(args)) => plan::run(&args),
         Some(Command::Render(args)) => render::run(&args, &log, &interrupt),

@@ -1,6 +1,5 @@
 //! The arguments that choose the optimiser.
 
-use super::args::{OptimizeArgs, OrderArg};
 use clap::{Args, ValueEnum};
 use prbvh::optimize::RbvhSettings;
 use prbvh::pipeline::Optimizer;
@@ -27,12 +26,22 @@ enum OptimizerArg {
     None,
 }
 
+/// Which arguments of PRBVH were said beside.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Beside {
+    pub(super) mu: bool,
+    pub(super) epsilon: bool,
+    pub(super) epsilon_absolute: bool,
+    pub(super) strategy: bool,
+    pub(super) is_worst_first: bool,
+}
+
 impl OptimizerArgs {
     /// The optimiser that the arguments say.
     ///
     /// # Errors
     /// If a setting is for another one.
-    pub(super) fn settings(&self, args: &OptimizeArgs) -> anyhow::Result<Optimizer> {
+    pub(super) fn settings(&self, beside: Beside) -> anyhow::Result<Optimizer> {
         let defaults = RbvhSettings::default();
         let chosen = match self.optimizer {
             OptimizerArg::Prbvh => Optimizer::Prbvh,
@@ -43,11 +52,8 @@ impl OptimizerArgs {
                 ..defaults
             }),
         };
-        let prbvh = [
-            ("--mu", args.mu.is_some()),
-            ("--epsilon", args.epsilon.is_some()),
-            ("--epsilon-absolute", args.epsilon_absolute.is_some()),
-        ];
+        let prbvh =
+            [("--mu", beside.mu), ("--epsilon", beside.epsilon), ("--epsilon-absolute", beside.epsilon_absolute)];
         let rbvh = [("--batch", self.batch.is_some()), ("--seed", self.seed.is_some())];
         for (name, own, settings) in
             [("prbvh", OptimizerArg::Prbvh, &prbvh[..]), ("rbvh", OptimizerArg::Rbvh, &rbvh[..])]
@@ -57,8 +63,8 @@ impl OptimizerArgs {
                 anyhow::bail!("{argument} is for --optimizer {name}, not for {chosen}");
             }
         }
-        let published = [&prbvh[..], &[("--strategy", args.strategy.is_some())]].concat();
-        if args.order == OrderArg::WorstFirst
+        let published = [&prbvh[..], &[("--strategy", beside.strategy)]].concat();
+        if beside.is_worst_first
             && let Some((argument, _)) = published.iter().find(|(_, is_set)| *is_set)
         {
             anyhow::bail!("{argument} is for --order published, not for worst-first");

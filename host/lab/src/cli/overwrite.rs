@@ -1,6 +1,6 @@
 //! No output may be an input: the scene would be gone.
 
-use super::args::BUILT_IN;
+use super::values::BUILT_IN;
 use anyhow::Context;
 use percent_encoding::percent_decode_str;
 use std::collections::HashMap;

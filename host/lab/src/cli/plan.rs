@@ -1,10 +1,9 @@
 //! `prbvh plan`.
 
-use super::args::OptimizeArgs;
 use super::check_max_depth;
-use super::optimize::DEFAULT_COLUMNS;
+use super::optimize_args::OptimizeArgs;
 use super::scenes::Named;
-use super::stdout::print;
+use super::stdout::{columns, print};
 use anyhow::Context;
 use clap::Args;
 use prbvh::device::{self, Device};
@@ -98,8 +97,4 @@ fn to_json(scene: &Scene, plan: &Plan, device: &dyn Device) -> Value {
         "bytes_left_out": plan.bytes_left_out(),
         "fits": plan.check(device.info()).is_ok(),
     })
-}
-
-fn columns() -> u16 {
-    console::Term::stdout().size_checked().map_or(DEFAULT_COLUMNS, |(_, columns)| columns)
 }

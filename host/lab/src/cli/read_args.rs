@@ -4,7 +4,7 @@ use clap::Args;
 use prbvh::scene::{Format, LoadOptions};
 
 /// The arguments of every command that reads scenes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Args)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Args)]
 pub(super) struct ReadArgs {
     /// Format of the scene files, whatever their names: obj, ply, stl, gltf or glb [default: by extension, or else by content].
     #[arg(long, value_name = "FORMAT")]

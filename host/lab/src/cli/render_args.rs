@@ -1,8 +1,8 @@
 //! What can be said to `prbvh render`.
 
-use super::args::{BUILT_IN, threads};
 use super::leaves::LeavesArgs;
 use super::read_args::ReadArgs;
+use super::values::{BUILT_IN, threads};
 use clap::{Args, ValueEnum};
 use prbvh::device::DeviceChoice;
 use prbvh_lab::render::RenderSettings;

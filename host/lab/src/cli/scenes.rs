@@ -1,8 +1,8 @@
 //! The scenes that `prbvh optimize` and `prbvh plan` are given.
 
-use super::args::BUILT_IN;
 use super::load_scene;
 use super::read_args::ReadArgs;
+use super::values::BUILT_IN;
 use anyhow::Context;
 use clap::Args;
 use prbvh::scene::Scene;
@@ -63,8 +63,7 @@ impl ScenesArgs {
             let others: Vec<String> = paths.iter().take(3).map(|path| path.display().to_string()).collect();
             anyhow::bail!("--triangles is for the built-in scene, not for {}", others.join(", "));
         }
-        let named =
-            |path| Named { triangles: self.triangles.filter(|_| is_built_in(&path)), path, read: self.read };
+        let named = |path| Named { triangles: self.triangles.filter(|_| is_built_in(&path)), path, read: self.read };
         Ok(paths.into_iter().map(named).collect())
     }
 

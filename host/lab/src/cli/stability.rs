@@ -1,8 +1,8 @@
 //! `prbvh stability`.
 
-use super::args::threads;
 use super::interrupt::Interrupt;
 use super::stdout::print;
+use super::values::threads;
 use anyhow::Context;
 use clap::Args;
 use prbvh::device::DeviceChoice;

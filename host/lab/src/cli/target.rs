@@ -1,6 +1,6 @@
 //! The arguments that say how low a cost is low enough.
 
-use super::args::not_negative;
+use super::values::not_negative;
 use clap::Args;
 use prbvh::pipeline::{Optimizer, Settings};
 use prbvh::scene::Scene;

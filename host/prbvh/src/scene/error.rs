@@ -1,33 +1,11 @@
 //! Why a scene cannot be had. Each error names the file, the place in it and the value at fault.
 
 use super::note::{Note, in_a_line};
-use std::fmt;
+use super::place::Place;
 use std::io;
 
 /// Most triangles of a scene. A tree over them has fewer than 2^31 nodes, so that a node and a flag fit 32 bits.
 pub const MAX_TRIANGLES: u64 = 1 << 30;
-
-/// Where in a scene the fault is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Place {
-    /// Line of a text file, from 1.
-    Line(u64),
-    /// Element of a file that has no lines, such as `("vertex", 7)`, from 0.
-    Element(&'static str, u64),
-    /// The file as a whole.
-    File,
-}
-
-impl fmt::Display for Place {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Line(line) => write!(f, ", line {line}"),
-            Self::Element(kind, index) => write!(f, ", {kind} {index}"),
-            Self::File => Ok(()),
-        }
-    }
-}
 
 /// Why a scene cannot be had. `file` is the path, or the name of a scene that came from no file.
 #[derive(Debug, thiserror::Error)]

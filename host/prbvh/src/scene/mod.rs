@@ -6,6 +6,7 @@ mod error;
 #[cfg(feature = "files")]
 mod files;
 mod note;
+mod place;
 mod range;
 
 #[cfg(test)]
@@ -15,10 +16,11 @@ pub use built_in::DEFAULT_TRIANGLES;
 #[doc(hidden)]
 pub use built_in::Noise;
 pub use census::{Census, duplicate_boxes};
-pub use error::{MAX_TRIANGLES, Place, SceneError};
+pub use error::{MAX_TRIANGLES, SceneError};
 #[cfg(feature = "files")]
 pub use files::{Format, LoadOptions, NoSuchFormat, load, load_with};
 pub use note::Note;
+pub use place::Place;
 pub use prbvh_kernel::setup::Triangle;
 pub use range::SafeRange;
 

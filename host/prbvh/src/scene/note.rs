@@ -1,6 +1,6 @@
 //! What of a scene file was not read, or not as the file means it.
 
-use super::error::Place;
+use super::place::Place;
 use serde::{Serialize, Serializer};
 use std::fmt;
 

@@ -1,7 +1,8 @@
 //! Faces as lists of vertex numbers, kept until all vertices are known.
 
 use super::polygon::Polygons;
-use crate::scene::error::{Blame, Place, SceneError};
+use crate::scene::Place;
+use crate::scene::error::{Blame, SceneError};
 use crate::scene::files::notes::Notes;
 use prbvh_kernel::setup::Triangle;
 

@@ -4,7 +4,7 @@ use std::fmt;
 use std::str::FromStr;
 
 /// Formats of scene files.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Format {
     /// Wavefront OBJ.

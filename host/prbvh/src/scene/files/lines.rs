@@ -1,7 +1,7 @@
 //! The lines of a text file, however they end.
 
 use super::format::without_mark;
-use super::open::Origin;
+use super::origin::Origin;
 use crate::scene::error::SceneError;
 use std::io::BufRead;
 

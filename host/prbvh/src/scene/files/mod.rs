@@ -7,6 +7,7 @@ mod lines;
 mod notes;
 mod obj;
 mod open;
+mod origin;
 mod ply;
 mod polygon;
 mod stl;
@@ -16,7 +17,8 @@ mod zstd;
 
 pub use format::{Format, NoSuchFormat};
 
-use super::error::{Blame, Place, SceneError};
+use super::Place;
+use super::error::{Blame, SceneError};
 use super::{Scene, Triangle};
 use notes::Notes;
 use std::path::Path;

@@ -7,7 +7,8 @@ use super::faces::Faces;
 use super::lines::{Line, is_blank, words};
 use super::open::Opened;
 use super::{ATTRIBUTE_NUMBER, Loaded};
-use crate::scene::error::{Blame, Place, SceneError, shorten};
+use crate::scene::Place;
+use crate::scene::error::{Blame, SceneError, shorten};
 use crate::scene::files::notes::Notes;
 
 /// Statements whose words are names.

@@ -3,19 +3,13 @@
 use super::LoadOptions;
 use super::format::{FORMATS, Format, is_utf16, stand_in};
 use super::lines::Lines;
+use super::origin::{Origin, Packing};
 use super::zstd::ZstdFrames;
-use crate::scene::error::{Blame, Place, SceneError};
+use crate::scene::Place;
+use crate::scene::error::{Blame, SceneError};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read};
 use std::path::Path;
-
-/// What a file is packed with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Packing {
-    Xz,
-    Gzip,
-    Zstd,
-}
 
 const PACKINGS: [(&str, Packing); 3] = [("xz", Packing::Xz), ("gz", Packing::Gzip), ("zst", Packing::Zstd)];
 
@@ -29,27 +23,6 @@ const BUFFER_BYTES: usize = 128 * 1024;
 
 /// Bytes that are looked at to tell what a file is.
 const HEAD_BYTES: u64 = 4096;
-
-/// Where bytes come from, for messages.
-#[derive(Clone, Debug)]
-pub(super) struct Origin {
-    pub(super) file: String,
-    packing: Option<Packing>,
-}
-
-impl Origin {
-    /// The error for a read that failed.
-    pub(super) fn fault(&self, source: io::Error) -> SceneError {
-        let file = self.file.clone();
-        let format = match self.packing {
-            None => return SceneError::Io { file, source },
-            Some(Packing::Xz) => "xz",
-            Some(Packing::Gzip) => "gzip",
-            Some(Packing::Zstd) => "zstd",
-        };
-        SceneError::Archive { file, format, source }
-    }
-}
 
 /// An open scene file.
 pub(super) struct Opened {

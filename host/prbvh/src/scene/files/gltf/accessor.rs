@@ -2,7 +2,8 @@
 
 use super::buffers::Buffers;
 use super::document::{Accessor, Document, SparsePart, Whole, get};
-use crate::scene::error::{Blame, Place, SceneError};
+use crate::scene::Place;
+use crate::scene::error::{Blame, SceneError};
 use std::cell::Cell;
 
 /// Most elements of accessors without data in a file, each counted as often as it is read: they take no space in the file, only in memory.

@@ -3,7 +3,8 @@
 use super::super::open::beside;
 use super::document::{Buffer, Whole, get};
 use super::extensions::packed;
-use crate::scene::error::{Blame, Place, SceneError};
+use crate::scene::Place;
+use crate::scene::error::{Blame, SceneError};
 use data_url::DataUrl;
 use percent_encoding::percent_decode_str;
 use std::borrow::Cow;

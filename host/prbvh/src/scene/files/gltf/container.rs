@@ -2,7 +2,8 @@
 
 use super::super::format::without_mark;
 use super::document::Document;
-use crate::scene::error::{Blame, Place, SceneError};
+use crate::scene::Place;
+use crate::scene::error::{Blame, SceneError};
 use crate::scene::files::notes::Notes;
 
 /// What a GLB file begins with.

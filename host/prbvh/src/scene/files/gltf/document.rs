@@ -1,6 +1,7 @@
 //! What positions need of a glTF document. All else, from materials to animations, is passed over unread: it may be of any extension.
 
-use crate::scene::error::{Blame, Place, SceneError};
+use crate::scene::Place;
+use crate::scene::error::{Blame, SceneError};
 use serde::de::{self, Deserializer, Visitor};
 use serde::{Deserialize, de::IgnoredAny};
 use std::collections::BTreeMap;

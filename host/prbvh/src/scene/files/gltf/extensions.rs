@@ -1,11 +1,15 @@
 //! Which extensions change positions.
 
 use super::document::Document;
-use crate::scene::error::{Blame, Place, SceneError};
+use crate::scene::Place;
+use crate::scene::error::{Blame, SceneError};
 use crate::scene::files::notes::Notes;
 
+/// Shows a mesh many times.
+pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
+
 /// Extensions that are read.
-const READ: [&str; 2] = ["KHR_mesh_quantization", super::instances::NAME];
+const READ: [&str; 2] = ["KHR_mesh_quantization", INSTANCING];
 
 /// Extensions that pack positions; where one is only used, the file has them plain as well.
 const PACKED: [&str; 3] = ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"];

@@ -2,10 +2,9 @@
 
 use super::accessor::Accessors;
 use super::document::{Instancing, Whole};
+use super::extensions::INSTANCING;
 use super::transform::Transform;
 use crate::scene::error::SceneError;
-
-pub(super) const NAME: &str = "EXT_mesh_gpu_instancing";
 
 /// Where the copies of a mesh stand, in the space of its node.
 pub(super) struct Instances {
@@ -30,7 +29,7 @@ impl Instances {
             let accessor = accessors.get(*index)?;
             has_data |= accessor.buffer_view.is_some();
             if accessor.count.0 != count {
-                let message = format!("{} elements for {count} instances of {NAME}", accessor.count.0);
+                let message = format!("{} elements for {count} instances of {INSTANCING}", accessor.count.0);
                 return Err(accessors.fault(*index, message));
             }
         }

@@ -10,7 +10,8 @@ mod transform;
 
 use super::open::Opened;
 use super::{ATTRIBUTE_NUMBER, Loaded};
-use crate::scene::error::{Blame, Place, SceneError};
+use crate::scene::Place;
+use crate::scene::error::{Blame, SceneError};
 use crate::scene::files::notes::Notes;
 use accessor::{Accessors, MOST_IMPLIED};
 use buffers::Buffers;

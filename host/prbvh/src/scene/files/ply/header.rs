@@ -3,7 +3,8 @@
 use super::super::format::without_mark;
 use super::super::lines::{is_blank, words};
 use super::super::open::Opened;
-use crate::scene::error::{Blame, Place, SceneError, shorten};
+use crate::scene::Place;
+use crate::scene::error::{Blame, SceneError, shorten};
 use crate::scene::files::notes::Notes;
 use std::io::{BufRead, Read};
 

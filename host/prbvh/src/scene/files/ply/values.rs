@@ -1,9 +1,11 @@
 //! The numbers after the header, element by element.
 
 use super::super::lines::{Lines, is_blank};
-use super::super::open::{Opened, Origin};
+use super::super::open::Opened;
+use super::super::origin::Origin;
 use super::header::{Element, Encoding, Header, Kind, Number};
-use crate::scene::error::{Blame, Place, SceneError, shorten};
+use crate::scene::Place;
+use crate::scene::error::{Blame, SceneError, shorten};
 use crate::scene::files::notes::Notes;
 use std::io::{self, BufRead};
 
