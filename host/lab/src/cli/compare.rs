@@ -175,6 +175,7 @@ fn tell(step: &Step, bar: &indicatif::ProgressBar) {
 
 fn rows_as_json(comparison: &Comparison) -> serde_json::Result<String> {
     let rows: Vec<&MethodRow> = comparison.rows().collect();
+    let notes = comparison.scenes.iter().map(|scene| serde_json::json!({ "scene": scene.name, "notes": scene.notes }));
     serde_json::to_string_pretty(&serde_json::json!({
         "schema": comparison.schema,
         "machine": comparison.machine,
@@ -182,6 +183,7 @@ fn rows_as_json(comparison: &Comparison) -> serde_json::Result<String> {
         "devices": comparison.devices,
         "repeat": comparison.repeat,
         "rays": comparison.rays,
+        "notes": notes.collect::<Vec<_>>(),
         "rows": rows,
     }))
 }
