@@ -38,13 +38,20 @@ fn steps() -> Result<Vec<(&'static str, Command)>> {
         ("tidy", cargo("xtask tidy")?),
         ("fmt", cargo("fmt --all --check")?),
         ("clippy", cargo("clippy --workspace --all-targets -- -D warnings")?),
+        // Each by itself: together they would have the features of both.
+        ("clippy, the library as it comes", cargo("clippy -p prbvh --all-targets -- -D warnings")?),
+        ("clippy, without features", cargo("clippy -p prbvh --no-default-features --all-targets -- -D warnings")?),
         (
-            "clippy, without features",
-            cargo("clippy -p prbvh -p prbvh-lab --no-default-features --all-targets -- -D warnings")?,
+            "clippy, the laboratory without features",
+            cargo("clippy -p prbvh-lab --no-default-features --all-targets -- -D warnings")?,
         ),
         ("build-shaders", cargo("xtask build-shaders --check")?),
         ("test", cargo("xtask test")?),
         ("numerics", cargo("xtask numerics --check")?),
         ("doc", doc),
+        (
+            "packages",
+            cargo("package --workspace --exclude prbvh-tests --exclude xtask --no-verify --allow-dirty --quiet")?,
+        ),
     ])
 }
