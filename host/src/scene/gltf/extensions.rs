@@ -3,6 +3,7 @@
 use super::super::error::{Blame, Place, SceneError};
 use super::super::note::Notes;
 use super::document::Document;
+use std::collections::BTreeMap;
 
 /// Extensions that are read.
 const READ: [&str; 2] = ["KHR_mesh_quantization", super::instances::NAME];
@@ -72,6 +73,6 @@ pub(super) fn check(blame: Blame<'_>, document: &Document, notes: &mut Notes) ->
 }
 
 /// The first extension of an object that packs what it holds.
-pub(super) fn packed<'e, T>(extensions: &'e std::collections::BTreeMap<String, T>) -> Option<&'e str> {
+pub(super) fn packed<T>(extensions: &BTreeMap<String, T>) -> Option<&str> {
     extensions.keys().map(String::as_str).find(|name| PACKED.contains(name))
 }
