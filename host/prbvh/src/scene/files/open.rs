@@ -80,8 +80,11 @@ fn not_open(file: &str, source: io::Error) -> SceneError {
     }
 }
 
+/// Bytes of which the first were looked at.
+type Peeked<R> = io::Chain<Cursor<Vec<u8>>, R>;
+
 /// The first bytes, and all of them. There is at least one, and they are no pointer to a file that is elsewhere.
-fn peek<R: BufRead>(origin: &Origin, mut bytes: R) -> Result<(Vec<u8>, io::Chain<Cursor<Vec<u8>>, R>), SceneError> {
+fn peek<R: BufRead>(origin: &Origin, mut bytes: R) -> Result<(Vec<u8>, Peeked<R>), SceneError> {
     let mut head = Vec::new();
     bytes.by_ref().take(HEAD_BYTES).read_to_end(&mut head).map_err(|source| origin.fault(source))?;
     if head.is_empty() {

@@ -4,6 +4,7 @@ use super::document::Document;
 use crate::scene::Place;
 use crate::scene::error::{Blame, SceneError};
 use crate::scene::files::notes::Notes;
+use std::collections::BTreeMap;
 
 /// Shows a mesh many times.
 pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
@@ -76,6 +77,6 @@ pub(super) fn check(blame: Blame<'_>, document: &Document, notes: &mut Notes) ->
 }
 
 /// The first extension of an object that packs what it holds.
-pub(super) fn packed<'e, T>(extensions: &'e std::collections::BTreeMap<String, T>) -> Option<&'e str> {
+pub(super) fn packed<T>(extensions: &BTreeMap<String, T>) -> Option<&str> {
     extensions.keys().map(String::as_str).find(|name| PACKED.contains(name))
 }
