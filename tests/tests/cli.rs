@@ -182,6 +182,16 @@ fn the_optimizer_is_chosen_and_said() {
 }
 
 #[test]
+fn stats_says_by_what_rule_a_root_without_area_costs() {
+    let folder = tempdir().unwrap();
+    std::fs::write(folder.path().join("line.obj"), "v 0 0 0\nv 1 0 0\nv 2 0 0\nv 3 0 0\nf 1 2 3\nf 2 3 4\n").unwrap();
+    let _ = run(PRBVH, folder.path(), &["optimize", "line.obj", "--device", "cpu", "--out", "."]).ok();
+    let stats = run(PRBVH, folder.path(), &["stats", "tree.bvh"]).ok();
+    assert!(line(&stats, "SAH cost").starts_with("7.000") && stats.stdout.contains("has no area"), "{}", stats.stdout);
+    assert_eq!(run(PRBVH, folder.path(), &["stats", "tree.bvh", "--json"]).ok().json()["is_root_flat"], true);
+}
+
+#[test]
 fn stats_checks_the_tree_against_its_scene() {
     let folder = tempdir().unwrap();
     let _ = optimize(folder.path(), &["--device", "cpu", "--out", "."]).ok();
