@@ -7,8 +7,8 @@ use super::methods::{Builder, Job};
 use super::rays::{Hits, Traced, Views, sees_nothing};
 use super::{MethodError, MethodRow, OptimizerRun, RayRates, RaySettings, median};
 use prbvh::bvh::{self, DepthBound, Epo, Quality, SahModel};
-use prbvh::device::Device;
-use prbvh::scene::Scene;
+use prbvh::device::{Device, DeviceError};
+use std::ops::ControlFlow;
 
 /// What the repetitions of all methods on a scene share.
 pub(super) struct SceneState<'a> {
@@ -128,7 +128,7 @@ impl Slot<'_> {
 
     fn try_repeat(&mut self, scene: &mut SceneState<'_>, devices: &mut [Box<dyn Device>]) -> Result<(), MethodError> {
         let made = scene.subject.make(self.job, &mut *devices[self.device], scene.host)?;
-        self.check_same(&made, scene.subject.scene)?;
+        self.check_same(&made, scene)?;
         self.walls.push(made.wall_s);
         self.kernels.extend(made.device_s);
         let (adaptive, quality) = scene.subject.adaptive(&made.tree, &mut *devices[self.device])?;
@@ -163,19 +163,23 @@ impl Slot<'_> {
     }
 
     /// Keeps the first tree; a later one of ours must be the same. Another library promises nothing.
-    fn check_same(&mut self, made: &Made, scene: &Scene) -> Result<(), MethodError> {
+    fn check_same(&mut self, made: &Made, scene: &SceneState<'_>) -> Result<(), MethodError> {
         match &self.first {
             Some(first) if first.hash != made.hash && !matches!(self.job.builder, Builder::Peer(_)) => {
                 Err(MethodError::OtherTree { first: first.hash.clone(), second: made.hash.clone() })
             }
             Some(_) => Ok(()),
             None => {
+                let (triangles, stop) = (&scene.subject.scene.triangles, &scene.host.stop);
+                let observe = |_| if stop.is_asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+                let (sah, budget) = (SahModel::default(), bvh::epo_budget(triangles.len()));
+                let epo = bvh::epo_watched(&made.tree, triangles, &sah, budget, &observe);
                 self.first = Some(First {
                     hash: made.hash.clone(),
                     quality: made.quality,
                     bound: made.bound,
                     adaptive: None,
-                    epo: bvh::epo(&made.tree, &scene.triangles, &SahModel::default()),
+                    epo: epo.ok_or(DeviceError::Stopped)?,
                     bytes: made.bytes,
                     threads: made.threads,
                 });
