@@ -168,7 +168,16 @@ impl Running {
         };
         let (stdout, stderr) = (whole(&self.stdout), self.stderr());
         assert!(!stderr.contains("panicked at"), "prbvh {}: {stderr}", self.arguments);
-        Ended { arguments: self.arguments, code: status.code(), stdout, stderr }
+        Ended { arguments: std::mem::take(&mut self.arguments), code: status.code(), stdout, stderr }
+    }
+}
+
+/// A test that fails leaves no program behind.
+impl Drop for Running {
+    fn drop(&mut self) {
+        // Most have ended by themselves.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 }
 

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
 pub(super) struct ScenesArgs {
-    /// OBJ, PLY, STL, glTF or GLB files (also .xz, .gz, .zst), or `built-in` [default: built-in]. Of several each has a folder in that of --out.
+    /// OBJ, PLY, STL, glTF or GLB files (also .xz, .gz, .zst), `-` for standard input, or `built-in` [default: built-in]. Of several each has a folder in that of --out.
     #[arg(value_name = "SCENE")]
     scenes: Vec<PathBuf>,
     /// A file with more scenes, one in a line; `-` for stdin. Empty lines and those that begin with # are passed over.
