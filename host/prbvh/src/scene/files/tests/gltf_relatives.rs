@@ -105,7 +105,7 @@ fn what_positions_do_not_need_may_be_of_any_shape() {
             // No source but in the extension; a material that is not there.
             ("textures", json!([{ "extensions": { "EXT_texture_webp": { "source": 0 } } }])),
             (
-                "/materials",
+                "materials",
                 json!([{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 9 } }, "alphaMode": "NEW" }]),
             ),
             ("meshes/0/primitives/0/material", json!(7)),
@@ -183,7 +183,7 @@ fn positions_may_be_whole_numbers() {
                 document(&bytes),
                 [
                     (
-                        "/accessors/0",
+                        "accessors/0",
                         json!({ "bufferView": 2, "componentType": kind, "count": 4, "type": "VEC3", "normalized": normalized }),
                     ),
                     ("bufferViews/2/byteStride", json!(4 * size)),
@@ -198,7 +198,7 @@ fn positions_may_be_whole_numbers() {
     let document = with(
         document(&bytes),
         [(
-            "/accessors/0",
+            "accessors/0",
             json!({ "bufferView": 2, "componentType": 5120, "count": 4, "type": "VEC3", "normalized": true }),
         )],
     );
