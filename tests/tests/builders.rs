@@ -407,14 +407,16 @@ fn the_optimiser_goes_on_from_every_initial_tree() {
             let hashes: Vec<String> = results.iter().map(|result| tree_hash(&result.tree)).collect();
             assert!(hashes.iter().all(|hash| *hash == hashes[0]), "{what}: {hashes:?}");
             validate(&result.tree, Some(&scene.triangles)).unwrap();
-            assert!(result.quality.sah_cost <= result.initial.sah_cost * (1.0 + 1e-6), "{what}");
+            // A bound on the depth may take back what the last levels gained.
+            let optimised = |done: &Optimized| done.bound.map_or(done.quality.sah_cost, |bound| bound.cost_before);
+            assert!(optimised(result) <= result.initial.sah_cost * (1.0 + 1e-6), "{what}");
 
             // The best tree out of its file is the same tree to start from.
             let path = folder.path().join("best.bvh");
             file::write(&path, &result.tree, &scene.hash).unwrap();
             let again = with_devices(|devices| run(scene, Initial::File(path), &mut *devices[0].1));
             assert_eq!(again.initial, result.quality, "{what}");
-            assert!(again.quality.sah_cost <= again.initial.sah_cost * (1.0 + 1e-6), "{what}");
+            assert!(optimised(&again) <= again.initial.sah_cost * (1.0 + 1e-6), "{what}");
         }
     }
 }
