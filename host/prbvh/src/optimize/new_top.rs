@@ -5,7 +5,7 @@
 //! box, which takes some milliseconds whatever the size of the scene. The best of several such tops replaces the old one if it has less area.
 
 use super::session::{Observe, Outcome, Session};
-use super::{Limits, PrbvhSettings, WorstFirst};
+use super::{Limits, PrbvhSettings, TreeAreas, WorstFirst};
 use crate::build::{self, CodeCensus, DeviceTree, MortonBits, Scratch};
 use crate::device::{Buffer, Device, DeviceError, Recording, on_host, read_pieces};
 use bytemuck::Zeroable;
@@ -34,7 +34,7 @@ pub(super) struct NewTop {
 
 /// Optimises a tree in place.
 pub(super) type Optimise =
-    fn(&mut dyn Device, &DeviceTree, &PrbvhSettings, Observe<'_>) -> Result<Outcome, DeviceError>;
+    fn(&mut dyn Device, &DeviceTree, Option<TreeAreas>, &PrbvhSettings, Observe<'_>) -> Result<Outcome, DeviceError>;
 
 /// Replaces the top of the tree by one of less area, if it finds one; boxes are made anew then. The keys tell which nodes are the top: those that have
 /// been unfolded.
@@ -149,7 +149,7 @@ impl Top {
             ..settings.clone()
         };
         let mut visits = 0u32;
-        let done = optimise(device, &tree, &settings, &mut |row, _, _| {
+        let done = optimise(device, &tree, None, &settings, &mut |row, _, _| {
             visits = visits.saturating_add(row.visits);
             ControlFlow::Continue(())
         })

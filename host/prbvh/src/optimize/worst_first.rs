@@ -1,7 +1,7 @@
 //! Worst first: rounds of dual moves of the nodes that look worst, few at first and then ever more ([`prbvh_kernel::prbvh::worst`]); where they settle, new
 //! [tops](super::new_top); the broad tail at the end.
 
-use super::new_top::{self, Optimise};
+use super::new_top;
 use super::session::{Observe, Outcome, Session};
 use super::{Limits, PrbvhSettings, StopReason, TreeAreas, WorstFirst};
 use crate::build::DeviceTree;
@@ -51,9 +51,6 @@ pub(super) fn run(
     }
     Ok(session.finish(device, stop, working_bytes))
 }
-
-/// New tops are optimised like any tree.
-const OPTIMISE: Optimise = |device, tree, settings, observe| run(device, tree, None, settings, observe);
 
 /// Buffers of the order.
 #[derive(Debug)]
@@ -177,7 +174,7 @@ impl Rounds {
         recording.clear("select", &session.moves.report);
         self.record_begin(session, &mut recording, &params, true, MOST_STAGES + 1);
         session.submit(device, &recording)?;
-        let renewed = new_top::renew(session, device, &self.lists.keys, settings, OPTIMISE)?;
+        let renewed = new_top::renew(session, device, &self.lists.keys, settings, run)?;
         let mut recording = Recording::new();
         self.page(session, &mut recording, &params, BEST);
         session.submit(device, &recording)?;
