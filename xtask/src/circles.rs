@@ -116,8 +116,8 @@ fn path(tokens: &[TokenTree]) -> (Place, usize) {
     while let Some(TokenTree::Ident(name)) = tokens.get(end) {
         names.push(name.to_string());
         end += 1;
-        let goes_on = |at: usize| tokens.get(at).is_some_and(|token| is_mark(token, ':'));
-        if !(goes_on(end) && goes_on(end + 1)) || !matches!(tokens.get(end + 2), Some(TokenTree::Ident(_))) {
+        let [first, second, TokenTree::Ident(_), ..] = &tokens[end..] else { break };
+        if !(is_mark(first, ':') && is_mark(second, ':')) {
             break;
         }
         end += 2;
@@ -277,6 +277,7 @@ mod tests {
         let files = [
             ("x/src/m/mod.rs", "mod a; mod b; mod c;"),
             ("x/src/m/a.rs", "use super::b::B;"),
+            ("x/src/m/b/mod.rs", "mod deep;"),
             ("x/src/m/b/deep.rs", "use crate::m::c::C;"),
             ("x/src/m/c.rs", "use crate::m::a::A;"),
         ];
