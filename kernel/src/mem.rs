@@ -252,7 +252,7 @@ pub fn prefetch<T>(slice: &[T], index: u32) {
     let _ = (slice, index);
 }
 
-/// A struct of [`AtomicU32`]s, each in the place of a word of a plain struct; [`atomic_words!`] makes it one.
+/// A struct of [`AtomicU32`]s, each in the place of a word of a plain struct; `atomic_words!` makes it one.
 ///
 /// # Safety
 /// Both have the same size, and nothing but words that are atomic here.

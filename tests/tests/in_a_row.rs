@@ -192,3 +192,26 @@ fn a_signal_keeps_what_is_whole_and_resume_goes_on_there() {
         assert_eq!(summary(folder.path()).last().unwrap()["tree_hash"], stats["tree_hash"]);
     }
 }
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_stdout_costs_no_scene() {
+    for json in [&["--json"][..], &[]] {
+        let folder = with_scenes();
+        let full = fs::File::options().write(true).open("/dev/full").unwrap();
+        let mut command = Command::new(PRBVH);
+        command.current_dir(folder.path()).args([
+            "optimize",
+            "a/chair.obj",
+            "lamp.obj",
+            "--device",
+            "cpu",
+            "--out",
+            "out",
+        ]);
+        let ended = command.args(json).stdin(Stdio::null()).stdout(full).output().unwrap();
+        let stderr = String::from_utf8_lossy(&ended.stderr);
+        assert!(ended.status.code() == Some(1) && stderr.contains("stdout: No space left on device"), "{stderr}");
+        assert_eq!(told(&summary(folder.path())), [("a/chair.obj", "done"), ("lamp.obj", "done")]);
+    }
+}

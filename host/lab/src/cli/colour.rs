@@ -30,6 +30,13 @@ impl Colour {
     }
 }
 
+impl Colour {
+    /// For the parser of arguments, which would ask the environment by itself, and takes more for a terminal.
+    pub(super) fn of_help(self) -> clap::ColorChoice {
+        if self.on_stdout || self.on_stderr { clap::ColorChoice::Auto } else { clap::ColorChoice::Never }
+    }
+}
+
 /// The environment.
 #[derive(Clone, Copy, Debug, Default)]
 struct Wanted {

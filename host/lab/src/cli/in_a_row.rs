@@ -34,9 +34,9 @@ pub(super) fn run(
     let device = Some(device::open(args.device, args.threads, args.validate)?);
     let folder = args.out.as_deref().map(OutFolder::open).transpose()?;
     let summary = folder.as_ref().map(|folder| Summary::open(folder.path())).transpose()?;
-    let mut row = Row { args, settings, folder: folder.as_ref(), summary, device, log, interrupt };
+    let mut row = Row { args, settings, folder: folder.as_ref(), summary, device, log, interrupt, unprinted: None };
     if !args.json {
-        print(&heading())?;
+        row.print(&heading());
     }
     let mut lines = Vec::new();
     for (scene, name) in scenes.iter().zip(&names) {
@@ -46,7 +46,11 @@ pub(super) fn run(
             break;
         }
     }
-    conclude(&lines, scenes.len())
+    match (conclude(&lines, scenes.len()), row.unprinted) {
+        (concluded, None) => concluded,
+        (Ok(_), Some(unprinted)) => Err(unprinted),
+        (Err(failed), Some(unprinted)) => Err(failed.context(format!("{unprinted:#}"))),
+    }
 }
 
 /// Says how it went.
@@ -81,9 +85,17 @@ struct Row<'a> {
     device: Option<Box<dyn Device>>,
     log: &'a Log,
     interrupt: &'a Interrupt,
+    /// Why stdout could not be written. The files are worth going on for.
+    unprinted: Option<anyhow::Error>,
 }
 
 impl<'a> Row<'a> {
+    fn print(&mut self, text: &str) {
+        if self.unprinted.is_none() {
+            self.unprinted = print(text).err();
+        }
+    }
+
     /// One scene, whatever becomes of it.
     ///
     /// # Errors
@@ -109,7 +121,7 @@ impl<'a> Row<'a> {
             summary.append(&line)?;
         }
         drop(held);
-        print(&if self.args.json { serde_json::to_string(&line)? } else { text(&line) })?;
+        self.print(&if self.args.json { serde_json::to_string(&line)? } else { text(&line) });
         Ok(line)
     }
 
@@ -207,7 +219,11 @@ fn stem(path: &Path) -> String {
         Some(extension) if is_packed(extension) => stem.file_stem().unwrap_or(stem.as_os_str()),
         _ => stem.as_os_str(),
     };
-    stem.to_string_lossy().into_owned()
+    match stem.to_str() {
+        // These are other folders.
+        Some("" | "." | "..") => "scene".to_owned(),
+        _ => stem.to_string_lossy().into_owned(),
+    }
 }
 
 #[cfg(test)]
@@ -222,8 +238,8 @@ mod tests {
 
     #[test]
     fn a_folder_has_the_name_of_the_file() {
-        let paths = ["a/chair.obj", "table.v2.PLY.xz", "built-in", "-", "lamp.glb.gz"];
-        assert_eq!(names(&paths), ["chair", "table.v2", "built-in", "stdin", "lamp"]);
+        let paths = ["a/chair.obj", "table.v2.PLY.xz", "built-in", "-", "lamp.glb.gz", "a/...obj"];
+        assert_eq!(names(&paths), ["chair", "table.v2", "built-in", "stdin", "lamp", "scene"]);
     }
 
     #[test]

@@ -30,7 +30,7 @@ mod values;
 
 use anyhow::Context;
 use args::{Cli, Command, main_job};
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches};
 use colour::Colour;
 use interrupt::Interrupt;
 use prbvh::bvh::MaxDepth;
@@ -45,11 +45,13 @@ use values::BUILT_IN;
 
 /// Runs the command; errors go to stderr with their causes.
 pub(crate) fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let colour = Colour::settle();
+    let parsed = Cli::command().color(colour.of_help()).try_get_matches();
+    let cli = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
         Err(said) => return say(&said),
     };
-    let log = log::start(cli.quiet, cli.verbose, Colour::settle());
+    let log = log::start(cli.quiet, cli.verbose, colour);
     let interrupt = Interrupt::listen();
     let result = match cli.command {
         None => optimize::run(&main_job(), &log, &interrupt),
@@ -83,7 +85,13 @@ fn say(said: &clap::Error) -> ExitCode {
 
 /// Prints a line to stderr; that nobody reads it is no error either.
 fn print_error(text: &str) {
-    let _ = writeln!(io::stderr().lock(), "{text}");
+    // Names and words of files must not command the terminal.
+    let plain = |c: char| match c {
+        '\n' | '\t' => c.to_string(),
+        c if c.is_control() => c.escape_default().to_string(),
+        c => c.to_string(),
+    };
+    let _ = writeln!(io::stderr().lock(), "{}", text.chars().map(plain).collect::<String>());
 }
 
 /// The error with its causes, less those that the text before them tells already.

@@ -65,7 +65,7 @@ pub(super) struct OptimizeArgs {
     /// Take triangles of equal boxes for one until the tree is optimised: faster, another tree of about the same cost.
     #[arg(long)]
     pub(super) fold_duplicates: bool,
-    /// Most levels below the root, with one triangle per leaf: what is deeper is built anew; off: no bound.
+    /// Most levels below the root, with one triangle per leaf: what is deeper is built anew; off or 0: no bound.
     #[arg(long, value_name = "LEVELS|off", default_value_t, allow_negative_numbers = true)]
     pub(super) max_depth: MaxDepth,
     #[command(flatten)]

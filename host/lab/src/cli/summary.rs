@@ -110,7 +110,9 @@ impl Line {
             let report: Value = serde_json::from_slice(&std::fs::read(folder.join("report.json")).ok()?).ok()?;
             let hash = Value::from(bvh::tree_hash(&tree.tree));
             let is_of = |said: Option<&Value>| said == Some(&hash);
-            let others = ["iterations.csv", "convergence.svg"].iter().all(|name| folder.join(name).is_file());
+            let has_bytes =
+                |name: &&str| folder.join(name).metadata().is_ok_and(|file| file.is_file() && file.len() > 0);
+            let others = ["iterations.csv", "convergence.svg"].iter().all(has_bytes);
             Some(
                 others
                     && is_of(self.outcome.get("tree_hash"))

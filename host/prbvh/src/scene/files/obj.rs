@@ -56,20 +56,23 @@ pub(super) fn read(opened: Opened) -> Result<Loaded, SceneError> {
                 whole.extend_from_slice(part);
                 whole.push(b' ');
                 if !goes_on {
-                    statements.read(*first, whole)?;
+                    statements.read_joined(*first, whole)?;
                     joined = None;
                 }
             }
         }
     }
     if let Some((first, whole)) = joined {
-        statements.read(first, &whole)?;
+        statements.read_joined(first, &whole)?;
     }
     statements.finish()
 }
 
+/// In a vertex a comment follows a blank: there `1.#QNAN` is what some programs write for no number.
 fn before_comment(text: &[u8]) -> &[u8] {
-    text.split(|byte| *byte == b'#').next().unwrap_or_default()
+    let is_vertex = matches!(text, [b'v' | b'V', next, ..] if next.is_ascii_whitespace());
+    let begins = |at: &usize| text[*at] == b'#' && !(is_vertex && *at > 0 && !text[*at - 1].is_ascii_whitespace());
+    &text[..(0..text.len()).find(begins).unwrap_or(text.len())]
 }
 
 /// Whether the first word of a line is one that names something.
@@ -118,11 +121,23 @@ impl<'a> Statements<'a> {
             None => {}
             Some(b"v" | b"V") => self.vertex(Place::Line(line), words)?,
             // `fo` is what version 2 of the format called it.
-            Some(b"f" | b"F" | b"fo" | b"FO") => self.face(line, words)?,
+            Some(word) if is_one_of(word, &["f", "fo"]) => self.face(line, words)?,
             Some(b"vn" | b"vt") => self.attributes += words.count() as u64,
             Some(word) => self.other(Place::Line(line), word, text),
         }
         Ok(())
+    }
+
+    /// A statement of several lines. A backslash too many joins the next one, which must not get lost.
+    fn read_joined(&mut self, line: u64, text: &[u8]) -> Result<(), SceneError> {
+        let is_vertex = words(text).next().is_some_and(|word| is_one_of(word, &["v"]));
+        // Some statements of curves have the names of others among their words.
+        let is_lost = |word: &&[u8]| is_one_of(word, &["v", "f", "fo"]) || (is_vertex && is_statement(word));
+        if let Some(word) = words(text).skip(1).find(is_lost) {
+            let message = format!("a backslash joins the statement \"{}\" to one before", shorten(word));
+            return Err(self.blame.format(Place::Line(line), message));
+        }
+        self.read(line, text)
     }
 
     /// A vertex; a weight or a colour may follow the coordinates.
@@ -135,10 +150,6 @@ impl<'a> Statements<'a> {
             if !value.is_finite() {
                 return Err(self.blame.not_finite(place, String::from_utf8_lossy(word)));
             }
-        }
-        // A backslash too many joins the next statement, which must not get lost.
-        if let Some(word) = words.find(|word| is_statement(word)) {
-            return Err(self.blame.format(place, format!("\"{}\" is not a number", shorten(word))));
         }
         self.vertices.push(vertex);
         Ok(())

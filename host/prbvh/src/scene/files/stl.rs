@@ -58,8 +58,8 @@ fn has_announced_length(bytes: &[u8]) -> bool {
 /// Whether a file that is not as long as its binary header says is binary all the same: a text begins with `solid`, but so does the free
 /// header of many a binary file, whose zero bytes then tell.
 fn is_binary(bytes: &[u8]) -> bool {
-    // Zero bytes may fill up a text.
-    let end = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    // Zero bytes may fill up a text, and DOS ends one with a mark.
+    let end = bytes.iter().rposition(|byte| !matches!(*byte, 0 | 0x1a)).map_or(0, |last| last + 1);
     let bytes = &bytes[..end];
     let text = without_mark(bytes).trim_ascii_start();
     let begins =

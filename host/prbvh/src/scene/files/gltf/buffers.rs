@@ -43,7 +43,7 @@ impl<'a> Buffers<'a> {
 
     fn load(&self, index: usize, buffer: &Buffer) -> Result<Cow<'a, [u8]>, String> {
         match (&buffer.uri, self.blob) {
-            (Some(uri), _) if uri.starts_with("data:") => data_uri(uri).map(Cow::Owned),
+            (Some(uri), _) if is_data(uri) => data_uri(uri).map(Cow::Owned),
             (Some(uri), _) => file(uri, self.folder, buffer.byte_length.0).map(Cow::Owned),
             (None, Some(blob)) if index == 0 => Ok(Cow::Borrowed(blob)),
             (None, _) => Err(match packed(&buffer.extensions) {
@@ -56,6 +56,10 @@ impl<'a> Buffers<'a> {
     fn fault(&self, index: Whole, message: String) -> SceneError {
         self.blame.format(Place::Element("buffer", index.0 as u64), message)
     }
+}
+
+fn is_data(uri: &str) -> bool {
+    uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:"))
 }
 
 fn data_uri(uri: &str) -> Result<Vec<u8>, String> {

@@ -19,6 +19,10 @@ pub(super) fn parse<'f>(
 ) -> Result<(Document, Option<&'f [u8]>), SceneError> {
     let (json, blob) = if bytes.starts_with(MAGIC) { chunks(blame, bytes, notes)? } else { (bytes, None) };
     let document = document(blame, json)?;
+    // A file that needs a later version says so, whatever it is written as.
+    if let Some(version) = document.asset.min_version.as_deref().filter(|least| !matches!(*least, "2" | "2.0")) {
+        return Err(blame.format(Place::File, format!("glTF {version} is not read; 2.0 is")));
+    }
     match document.asset.version.as_deref() {
         None => Ok((document, blob)),
         Some(version) if version == "2" || version.starts_with("2.") => Ok((document, blob)),
@@ -32,8 +36,11 @@ fn document(blame: Blame<'_>, json: &[u8]) -> Result<Document, SceneError> {
     struct Version {
         asset: super::document::Asset,
     }
-    // Some writers pad with zero bytes in place of blanks.
-    let end = json.iter().rposition(|byte| !byte.is_ascii_whitespace() && *byte != 0).map_or(0, |last| last + 1);
+    // Some writers pad with zero bytes in place of blanks, and DOS ends a text with a mark.
+    let end = json
+        .iter()
+        .rposition(|byte| !byte.is_ascii_whitespace() && !matches!(*byte, 0 | 0x1a))
+        .map_or(0, |last| last + 1);
     let json = without_mark(&json[..end]);
     // Names need not be read right, but any bytes that are no text would end the reading.
     let json = String::from_utf8_lossy(json);

@@ -58,9 +58,10 @@ pub(super) struct Document {
 }
 
 #[derive(Debug, Default, Deserialize)]
-#[serde(default)]
+#[serde(rename_all = "camelCase", default)]
 pub(super) struct Asset {
     pub(super) version: Option<String>,
+    pub(super) min_version: Option<String>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -75,10 +76,10 @@ pub(super) struct Node {
     pub(super) children: Vec<Whole>,
     pub(super) mesh: Option<Whole>,
     pub(super) skin: Option<Whole>,
-    pub(super) matrix: Option<[f32; 16]>,
-    pub(super) translation: Option<[f32; 3]>,
-    pub(super) rotation: Option<[f32; 4]>,
-    pub(super) scale: Option<[f32; 3]>,
+    pub(super) matrix: Option<[f64; 16]>,
+    pub(super) translation: Option<[f64; 3]>,
+    pub(super) rotation: Option<[f64; 4]>,
+    pub(super) scale: Option<[f64; 3]>,
     pub(super) extensions: NodeExtensions,
 }
 

@@ -54,9 +54,9 @@ impl Instances {
 
     pub(super) fn transform(&self, index: usize) -> Transform {
         Transform::decomposed(
-            self.translation.as_ref().map_or([0.0; 3], |all| all[index]),
-            self.rotation.as_ref().map_or([0.0, 0.0, 0.0, 1.0], |all| all[index]),
-            self.scale.as_ref().map_or([1.0; 3], |all| all[index]),
+            self.translation.as_ref().map_or([0.0; 3], |all| all[index].map(f64::from)),
+            self.rotation.as_ref().map_or([0.0, 0.0, 0.0, 1.0], |all| all[index].map(f64::from)),
+            self.scale.as_ref().map_or([1.0; 3], |all| all[index].map(f64::from)),
         )
     }
 }

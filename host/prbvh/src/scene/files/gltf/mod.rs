@@ -115,11 +115,15 @@ impl Shown<'_> {
 
     fn primitive(&mut self, place: Place, primitive: &Primitive, copies: &Copies<'_>) -> Result<(), SceneError> {
         let Some(&accessor) = primitive.attributes.get(POSITION) else { return Ok(()) };
-        if let Some(name) = extensions::packed(&primitive.extensions)
-            && self.accessors.get(accessor)?.buffer_view.is_none()
-        {
-            let message = format!("its positions are there only as {name} packs them, which is not read");
-            return Err(self.accessors.fault(accessor, message));
+        if let Some(name) = extensions::packed(&primitive.extensions) {
+            for (accessor, what) in [(Some(accessor), "positions"), (primitive.indices, "indices")] {
+                if let Some(accessor) = accessor
+                    && self.accessors.get(accessor)?.buffer_view.is_none()
+                {
+                    let message = format!("its {what} are there only as {name} packs them, which is not read");
+                    return Err(self.accessors.fault(accessor, message));
+                }
+            }
         }
         let positions = self.accessors.positions(accessor)?;
         self.finite(&positions, accessor, copies.node)?;

@@ -13,18 +13,18 @@ impl Transform {
     pub(super) fn of(node: &Node) -> Self {
         if let Some(matrix) = node.matrix {
             // The matrix is stored by columns.
-            return Self([0, 1, 2].map(|row| [0, 1, 2, 3].map(|column| f64::from(matrix[4 * column + row]))));
+            return Self([0, 1, 2].map(|row| [0, 1, 2, 3].map(|column| matrix[4 * column + row])));
         }
         let rotation = node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
         Self::decomposed(node.translation.unwrap_or_default(), rotation, node.scale.unwrap_or([1.0; 3]))
     }
 
     /// First the scale, then the rotation by a quaternion x, y, z, w, then the translation.
-    pub(super) fn decomposed(translation: [f32; 3], rotation: [f32; 4], scale: [f32; 3]) -> Self {
-        let rotation = rotation_matrix(rotation.map(f64::from));
+    pub(super) fn decomposed(translation: [f64; 3], rotation: [f64; 4], scale: [f64; 3]) -> Self {
+        let rotation = rotation_matrix(rotation);
         Self([0, 1, 2].map(|row| {
-            let [x, y, z] = [0, 1, 2].map(|column| rotation[row][column] * f64::from(scale[column]));
-            [x, y, z, f64::from(translation[row])]
+            let [x, y, z] = [0, 1, 2].map(|column| rotation[row][column] * scale[column]);
+            [x, y, z, translation[row]]
         }))
     }
 

@@ -44,7 +44,7 @@ pub(super) fn read(mut opened: Opened) -> Result<Loaded, SceneError> {
                 let others = element.properties.len() as u64 - 3;
                 attribute_bytes += others * ATTRIBUTE_NUMBER * element.count;
             }
-            "face" | "tristrips" => {
+            "face" | "tristrips" if element.count > 0 => {
                 let list = list(blame, element, &mut notes)?;
                 let mut kept = Faces::new(place, 0);
                 let mut small = Notes::default();
@@ -140,7 +140,7 @@ fn face(
     faces.end(blame, number, notes)
 }
 
-/// Strips of triangles one after another, with -1 at the end of each; every other triangle is turned round.
+/// Strips of triangles one after another, with -1, or what that is without a sign, at the end of each; every other triangle is turned round.
 fn strips(
     blame: Blame<'_>,
     place: fn(u64) -> Place,
@@ -149,7 +149,7 @@ fn strips(
     items: &Row,
     notes: &mut Notes,
 ) -> Result<(), SceneError> {
-    for strip in items.split(|item| *item == -1.0) {
+    for strip in items.split(|item| [-1.0, f64::from(u32::MAX)].contains(item)) {
         let vertices = strip.iter().map(|item| index(blame, place(number), *item)).collect::<Result<Vec<_>, _>>()?;
         if (1..3).contains(&vertices.len()) {
             notes.add(place(number), TOO_SMALL);

@@ -393,3 +393,15 @@ fn a_pointer_in_the_place_of_a_buffer_is_named() {
     let message = load(&scene.path).unwrap_err().to_string();
     assert!(message.contains("buffer 0") && message.contains("a Git LFS pointer"), "{message}");
 }
+
+#[test]
+fn transforms_that_cancel_leave_what_was_there() {
+    let move_by = |x: f64| json!([x, 0.0, 0.0]);
+    let nodes = json!([{ "children": [1], "translation": move_by(-16_777_217.0) }, { "mesh": 0, "translation": move_by(16_777_217.0) }]);
+    assert_whole("translations that float32 does not have", &square([("nodes", nodes)]));
+}
+
+#[test]
+fn a_later_version_that_is_needed_is_named() {
+    assert_refused(&square([("asset", json!({ "version": "2.0", "minVersion": "2.1" }))]), &["glTF 2.1"]);
+}

@@ -106,8 +106,16 @@ fn obj_statements_that_are_not_read_are_said() {
 #[test]
 fn obj_files_that_no_guess_would_put_right() {
     // The backslash joins a statement to the next, whose vertex or face would be lost.
-    assert_refused("a.obj", obj("", ("v 1 0 0", "v 1 0 0 \\"), ""), &["line 2", "\"v\" is not a number"]);
-    assert_refused("a.obj", obj("", ("f 1 2 3", "f 1 2 3\\"), ""), &["line 5", "\"f\" is not a vertex index"]);
+    assert_refused(
+        "a.obj",
+        obj("", ("v 1 0 0", "v 1 0 0 \\"), ""),
+        &["line 2", "a backslash joins the statement \"v\""],
+    );
+    assert_refused(
+        "a.obj",
+        obj("", ("f 1 2 3", "f 1 2 3\\"), ""),
+        &["line 5", "a backslash joins the statement \"f\""],
+    );
     assert_refused("a.obj", obj("", ("v 1 0 0", "v 1,0 0,0 0"), ""), &["line 2", "\"1,0\" is not a number"]);
     for big_endian in [false, true] {
         assert_refused("a.obj", utf16(SQUARE_OBJ, big_endian), &["UTF-16", "UTF-8 is read"]);
@@ -352,4 +360,32 @@ fn notes_are_in_a_report() {
     let json = serde_json::to_value(&scene.notes).unwrap();
     let want = serde_json::json!([{ "what": "statement \"l\" (lines) is not read", "first": "line 7", "count": 1 }]);
     assert_eq!(json, want);
+}
+
+#[test]
+fn obj_statements_that_are_easily_lost_are_not() {
+    assert_whole("a.obj", "fo in both cases", obj("", ("f 2 4 3", "Fo 2 4 3"), ""));
+    assert_whole("a.obj", "a comment that touches a face", obj("", ("f 1 2 3", "f 1 2 3#x"), ""));
+    for word in ["1.#QNAN", "-1.#IND00", "1.#INF"] {
+        for axis in ["v 0 0 ", "v 0 ", "v "] {
+            assert_refused("a.obj", obj("", ("v 0 0 0", &format!("{axis}{word} 0 0")), ""), &["line 1", word]);
+        }
+    }
+    for statement in ["vn 0 0 1", "vt 0 0", "s 1", "lod 1", "l 1 2", "what 1"] {
+        let text = obj("", ("f 2 4 3", &format!("{statement} \\\nf 2 4 3")), "");
+        assert_refused("a.obj", text, &["line 6", "backslash", "\"f\""]);
+    }
+    assert_refused("a.obj", obj("", ("v 1 1 0", "v 1 1 0 \\\nv 5 5 5"), ""), &["line 4", "\"v\""]);
+}
+
+#[test]
+fn ends_of_texts_and_of_strips() {
+    let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
+    let [a, b, c, d] = corners;
+    let stl = stl_text(&[triangle(a, b, c), triangle(b, d, c)]);
+    for end in ["\0\u{1a}", "\u{1a}\0", "\u{1a}"] {
+        assert_whole("a.stl", "marks at the end", stl.clone() + end);
+    }
+    let header = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 0\nproperty uchar red\nelement tristrips 1\nproperty list int uint vertex_indices\nend_header\n";
+    assert_whole("a.ply", "strips", format!("{header}0 0 0\n1 0 0\n0 1 0\n1 1 0\n7 0 1 2 4294967295 1 3 2\n"));
 }
