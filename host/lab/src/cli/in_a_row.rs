@@ -13,6 +13,7 @@ use super::told_once;
 use prbvh::device::{self, Device};
 use prbvh::optimize::StopReason;
 use prbvh::pipeline::{Initial, Settings};
+use prbvh::scene;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -210,20 +211,9 @@ fn folder_names(scenes: &[Named]) -> anyhow::Result<Vec<String>> {
 }
 
 fn stem(path: &Path) -> String {
-    if path == Path::new("-") {
-        return "stdin".to_owned();
-    }
-    let is_packed = |extension: &std::ffi::OsStr| ["xz", "gz", "zst"].iter().any(|p| extension.eq_ignore_ascii_case(p));
-    let stem = Path::new(path.file_stem().unwrap_or("scene".as_ref()));
-    let stem = match path.extension() {
-        Some(extension) if is_packed(extension) => stem.file_stem().unwrap_or(stem.as_os_str()),
-        _ => stem.as_os_str(),
-    };
-    match stem.to_str() {
-        // These are other folders.
-        Some("" | "." | "..") => "scene".to_owned(),
-        _ => stem.to_string_lossy().into_owned(),
-    }
+    let name = scene::name_of(path);
+    // These are other folders.
+    if matches!(&*name, "" | "." | "..") { "scene".to_owned() } else { name }
 }
 
 #[cfg(test)]

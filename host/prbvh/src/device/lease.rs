@@ -15,6 +15,11 @@ impl<'a> Lease<'a> {
         Self { device, live: Vec::new() }
     }
 
+    /// Whether a buffer was allocated through it and is neither freed nor kept.
+    pub(super) fn holds(&self, buffer: &Buffer) -> bool {
+        self.live.contains(buffer)
+    }
+
     /// Leaves what is allocated now to the caller.
     pub(crate) fn keep(&mut self) {
         self.live.clear();

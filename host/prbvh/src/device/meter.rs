@@ -1,12 +1,11 @@
 //! A device that takes note of what a run needs of it.
 
-use super::{Buffer, Device, DeviceError, MemoryUse, Recording, Timing};
+use super::{Buffer, Device, DeviceError, Lease, MemoryUse, Recording, Timing};
 
 /// Passes everything on to a device. Counts bytes and times from its own beginning, and gives back what a run that failed left there.
 #[expect(missing_debug_implementations, reason = "devices are opaque")]
 pub struct Meter<'a> {
-    device: &'a mut dyn Device,
-    left: Vec<Buffer>,
+    device: Lease<'a>,
     memory: MemoryUse,
     timings: Vec<Timing>,
 }
@@ -14,7 +13,7 @@ pub struct Meter<'a> {
 impl<'a> Meter<'a> {
     /// Nothing is counted yet.
     pub fn new(device: &'a mut dyn Device) -> Self {
-        Self { device, left: Vec::new(), memory: MemoryUse::default(), timings: Vec::new() }
+        Self { device: Lease::new(device), memory: MemoryUse::default(), timings: Vec::new() }
     }
 
     /// Time of every command so far.
@@ -30,41 +29,31 @@ impl<'a> Meter<'a> {
     }
 }
 
-impl Drop for Meter<'_> {
-    fn drop(&mut self) {
-        for buffer in self.left.drain(..) {
-            self.device.free(buffer);
-        }
-    }
-}
-
 impl super::Layer for Meter<'_> {
     fn inner(&self) -> &dyn Device {
-        self.device
+        &self.device
     }
 
     fn inner_mut(&mut self) -> &mut dyn Device {
-        self.device
+        &mut self.device
     }
 
     fn allocate(&mut self, label: &'static str, length: usize, element_bytes: usize) -> Result<Buffer, DeviceError> {
-        let buffer = self.device.allocate(label, length, element_bytes)?;
+        let buffer = Device::allocate(&mut self.device, label, length, element_bytes)?;
         self.memory.bytes += buffer.bytes();
         self.memory.peak_bytes = self.memory.peak_bytes.max(self.memory.bytes);
-        self.left.push(buffer.clone());
         Ok(buffer)
     }
 
     fn free(&mut self, buffer: Buffer) {
-        if let Some(at) = self.left.iter().position(|left| left.id == buffer.id) {
-            self.left.swap_remove(at);
+        if self.device.holds(&buffer) {
             self.memory.bytes -= buffer.bytes();
         }
-        self.device.free(buffer);
+        Device::free(&mut self.device, buffer);
     }
 
     fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
-        let timings = self.device.run(recording)?;
+        let timings = Device::run(&mut self.device, recording)?;
         self.timings.extend_from_slice(&timings);
         Ok(timings)
     }

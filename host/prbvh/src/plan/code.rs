@@ -28,15 +28,15 @@ impl CodeSize {
     }
 }
 
-/// 0 in a program without SPIR-V.
+#[cfg(feature = "vulkan")]
 fn spirv_bytes(kernel: Kernel) -> u64 {
-    #[cfg(feature = "vulkan")]
-    return kernel.spirv().len() as u64;
-    #[cfg(not(feature = "vulkan"))]
-    return {
-        let _ = kernel;
-        0
-    };
+    kernel.spirv().len() as u64
+}
+
+/// A program without Vulkan has no SPIR-V.
+#[cfg(not(feature = "vulkan"))]
+fn spirv_bytes(_: Kernel) -> u64 {
+    0
 }
 
 /// What of the program's device code a run takes.

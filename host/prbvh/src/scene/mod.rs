@@ -18,7 +18,7 @@ pub use built_in::Noise;
 pub use census::{Census, duplicate_boxes};
 pub use error::{MAX_TRIANGLES, SceneError};
 #[cfg(feature = "files")]
-pub use files::{Format, LoadOptions, NoSuchFormat, load, load_with};
+pub use files::{Format, LoadOptions, NoSuchFormat, load, load_with, name_of};
 pub use note::Note;
 pub use place::Place;
 pub use prbvh_kernel::setup::Triangle;

@@ -16,6 +16,7 @@ mod tests;
 mod zstd;
 
 pub use format::{Format, NoSuchFormat};
+pub use open::name_of;
 
 use super::Place;
 use super::error::{Blame, SceneError};

@@ -15,6 +15,8 @@ const PACKINGS: [(&str, Packing); 3] = [("xz", Packing::Xz), ("gz", Packing::Gzi
 
 /// The path that stands for standard input.
 const STDIN: &str = "-";
+/// What its scene is called.
+const STDIN_NAME: &str = "stdin";
 
 /// Memory that an xz file may ask for: eight times what `xz -9` does, so that a damaged header cannot take all there is.
 const XZ_MEMORY_KIB: u32 = 512 * 1024;
@@ -38,10 +40,16 @@ pub(super) struct Opened {
     pub(super) bytes: Box<dyn BufRead>,
 }
 
+/// The name of the scene in a file, which is there to be told before the file is read: that of the file without folder and extensions.
+#[must_use]
+pub fn name_of(path: &Path) -> String {
+    if path == Path::new(STDIN) { STDIN_NAME.to_owned() } else { Names::of(path).stem }
+}
+
 /// Opens a scene file, which is not empty. `-` is standard input.
 pub(super) fn open(path: &Path, options: &LoadOptions) -> Result<Opened, SceneError> {
     let is_stdin = path == Path::new(STDIN);
-    let file = if is_stdin { "stdin".to_owned() } else { path.display().to_string() };
+    let file = if is_stdin { STDIN_NAME.to_owned() } else { path.display().to_string() };
     // A folder named like a scene is still a folder, and one named otherwise has no extension to complain about.
     if !is_stdin && path.is_dir() {
         return Err(SceneError::Directory { file });
@@ -54,7 +62,7 @@ pub(super) fn open(path: &Path, options: &LoadOptions) -> Result<Opened, SceneEr
     let mut origin = Origin { file, packing: None };
     let (head, packed) = peek(&origin, BufReader::with_capacity(BUFFER_BYTES, bytes))?;
 
-    let mut names = Names::of(path);
+    let names = Names::of(path);
     origin.packing = names.packing.or_else(|| packing_of(&head));
     let bytes: Box<dyn BufRead> = match origin.packing {
         None => Box::new(packed),
@@ -66,10 +74,7 @@ pub(super) fn open(path: &Path, options: &LoadOptions) -> Result<Opened, SceneEr
     let looks = Format::of_head(&head);
     let named = Format::of_extension(&names.extension);
     let format = options.format.or(named).or(looks).ok_or_else(|| names.unknown(&origin.file))?;
-    if is_stdin {
-        names.stem = "stdin".to_owned();
-    }
-    Ok(Opened { format, looks, origin, name: names.stem, head, bytes: Box::new(bytes) })
+    Ok(Opened { format, looks, origin, name: name_of(path), head, bytes: Box::new(bytes) })
 }
 
 fn not_open(file: &str, source: io::Error) -> SceneError {
