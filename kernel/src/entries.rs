@@ -191,12 +191,12 @@ kernels! {
     ] => |i| reinsert(i, params, found, nodes, kept, books, report);
 
     PrbvhMark prbvh_mark(params: PrbvhParams) [
-        0 found: &[Slot<Move>], 1 nodes: &[Node], 2 ways: &[AtomicU32],
-    ] => |i| _ = paths::mark(i, params, found, nodes, ways);
+        0 found: &[Slot<Move>], 1 nodes: &[Node], 2 ways: &[AtomicU32], 3 report: &[AtomicU32],
+    ] => |i| paths::mark(i, params, found, nodes, ways, report);
 
     PrbvhRefit prbvh_refit(params: PrbvhParams) [
-        0 found: &[Slot<Move>], 1 nodes: &[AtomicNode], 2 ways: &[AtomicU32],
-    ] => |i| _ = paths::refit(i, params, found, nodes, ways, |_v, _old, _left, _right| {});
+        0 found: &[Slot<Move>], 1 nodes: &[AtomicNode], 2 ways: &[AtomicU32], 3 report: &[AtomicU32],
+    ] => |i| paths::refit(i, params, found, nodes, ways, report, |_v, _area, _left, _right| {});
 
     DualSearch dual_search(params: DualParams) [
         0 nodes: &[WideNode], 1 list: &[u32], 2 found: &[Slot<Move>], 3 keys: &[AtomicU32], 4 books: &[AtomicU32],

@@ -34,6 +34,20 @@ pub const SEARCHED: usize = 15;
 /// Nodes in the pool that were counted as waiting for their search.
 pub const WAITING: usize = 16;
 
+/// How the rounds go on after this one: [`GOES_ON`], [`SETTLED`], [`NOTHING_FOUND`], [`AT_TARGET`], [`AT_FAULT`].
+pub const VERDICT: usize = 17;
+
+/// Another round follows.
+pub const GOES_ON: u32 = 0;
+/// The cost has settled.
+pub const SETTLED: u32 = 1;
+/// Nothing was found in the last rounds, but there is more to search.
+pub const NOTHING_FOUND: u32 = 2;
+/// The cost is as low as was asked for.
+pub const AT_TARGET: u32 = 3;
+/// A kernel raised a fault.
+pub const AT_FAULT: u32 = 4;
+
 /// A device ended a search before it was done or at its bound.
 pub const FAULT_SEARCH_STEPS: u32 = 1;
 /// An internal node was not completed by both of its children: the links are no tree.

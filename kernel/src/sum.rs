@@ -8,6 +8,9 @@ use crate::mem::AtomicU32;
 /// Binary digits of a root's area that a sum keeps behind the point.
 pub const DIGITS: u32 = 44;
 
+/// Units of the higher word.
+const WORD: f32 = 4_294_967_296.0;
+
 /// A sum of terms that are not negative.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sum {
@@ -23,7 +26,6 @@ impl Sum {
     #[inline(always)]
     #[must_use]
     pub fn of(term: f32, scale: f32) -> Self {
-        const WORD: f32 = 4_294_967_296.0;
         let scaled = term * scale;
         // Not below: what a conversion makes of a number that does not fit is left to the driver.
         let fits = scaled < WORD * WORD;
@@ -60,6 +62,27 @@ impl Sum {
     pub fn exceeds(self, other: Self) -> bool {
         let (own, their) = (self.high as i32, other.high as i32);
         own > their || (own == their && self.low > other.low)
+    }
+
+    /// How much more it is than the other, both in two's complement; 0 if it is less.
+    #[inline(always)]
+    #[must_use]
+    pub fn excess(self, other: Self) -> f32 {
+        if self.exceeds(other) { self.minus(other).to_f32() } else { 0.0 }
+    }
+
+    /// A sum that is not negative, rounded.
+    #[inline(always)]
+    #[must_use]
+    pub fn to_f32(self) -> f32 {
+        self.high as f32 * WORD + self.low as f32
+    }
+
+    /// Of these two words.
+    #[inline(always)]
+    #[must_use]
+    pub fn from_words(words: [u32; 2]) -> Self {
+        Self { low: words[0], high: words[1] }
     }
 
     /// The sum in two words from `at` on.
@@ -142,6 +165,15 @@ mod tests {
         assert_eq!(number(small.minus(large)), 7 - 9e9f32 as i64);
         assert!(large.exceeds(small) && !small.exceeds(small) && small.exceeds(small.minus(large)));
         assert_eq!(small.minus(large).plus(large), small);
+    }
+
+    #[test]
+    fn an_excess_is_rounded_and_never_negative() {
+        let (small, large) = (Sum::of(7.0, 1.0), Sum::of(9e9, 1.0));
+        assert_eq!(large.excess(small), 9e9 - 7.0);
+        assert_eq!(small.excess(large), 0.0);
+        assert_eq!(small.excess(small.minus(large)), 9e9, "the other is negative");
+        assert_eq!(Sum::from_words([5, 2]).to_f32(), 8_589_934_597.0);
     }
 
     #[test]

@@ -1,13 +1,14 @@
 //! Reinsert, refit and restore on every device.
 
 use crate::compare::Case;
-use crate::oracle::NaiveTree;
+use crate::oracle::{NaiveTree, half_area};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::kept::{Kept, RestoreParams};
 use prbvh_kernel::node::Node;
 use prbvh_kernel::prbvh::worst::books::{BOOKS_WORDS, EPOCH};
 use prbvh_kernel::prbvh::{Move, PrbvhParams};
-use prbvh_kernel::status::{APPLIED, REPORT_WORDS};
+use prbvh_kernel::status::{APPLIED, GREW, MARKED, REFITTED, REPORT_WORDS, SHRUNK};
+use prbvh_kernel::sum::to_f64;
 
 /// A tree that moves have changed; boxes are stale.
 #[derive(Clone, Debug)]
@@ -69,16 +70,37 @@ pub fn paths_fault(moved: &Moved, params: &PrbvhParams) -> Option<String> {
     let mut expected = NaiveTree::decode(&moved.nodes);
     expected.refit(0);
     let case = |kernel| Case::new(kernel, params.count, params).with(&moved.found).with(&moved.nodes);
-    let ways: Vec<u32> = case(Kernel::PrbvhMark).zeros(internal.max(1)).run_everywhere().get("ways");
+    let marked = case(Kernel::PrbvhMark).zeros(internal.max(1)).zeros(REPORT_WORDS as usize).run_everywhere();
+    let ways: Vec<u32> = marked.get("ways");
     if ways.iter().any(|&ways| ways > 0) != (moved.applied > 0) {
         return Some("ways lead up from moves and from nowhere else".to_owned());
     }
-    let result = case(Kernel::PrbvhRefit).with(&ways).run_everywhere();
+    let result = case(Kernel::PrbvhRefit).with(&ways).with(&marked.get::<u32>("report")).run_everywhere();
+    let report: Vec<u32> = result.get("report");
     let refitted = NaiveTree::decode(&result.get::<Node>("nodes"));
     if let Some(v) = (0..moved.nodes.len()).find(|&v| refitted.boxes[v] != expected.boxes[v]) {
         return Some(format!("box of {v}: {:?}, not {:?}", refitted.boxes[v], expected.boxes[v]));
     }
-    result.get::<u32>("ways").iter().position(|&ways| ways != 0).map(|v| format!("{v} still waits"))
+    if let Some(v) = result.get::<u32>("ways").iter().position(|&ways| ways != 0) {
+        return Some(format!("{v} still waits"));
+    }
+    sums_fault(&report, &NaiveTree::decode(&moved.nodes), &expected, params.scale)
+}
+
+/// What is wrong with the report of a refit between two trees of the same links: counts of nodes, or sums of what areas lost and gained.
+fn sums_fault(report: &[u32], before: &NaiveTree, after: &NaiveTree, scale: f32) -> Option<String> {
+    if report[MARKED] != report[REFITTED] {
+        return Some(format!("{} of {} marked nodes were refitted", report[REFITTED], report[MARKED]));
+    }
+    let internal = before.boxes.len() / 2;
+    let changes = (0..internal).map(|v| half_area(&before.boxes[v]) - half_area(&after.boxes[v]));
+    let (lost, changed) = changes.fold((0.0, 0.0), |(lost, changed), change| (lost + change, changed + change.abs()));
+    let sum = |word| to_f64(report[word], report[word + 1], scale);
+    let summed = sum(SHRUNK) - sum(GREW);
+    // Areas in f32, and each term is cut to a whole number of units.
+    let areas: f64 = before.boxes[..internal].iter().chain(&after.boxes[..internal]).map(half_area).sum();
+    let allowed = f64::from(report[REFITTED]) / f64::from(scale) + 3e-7 * areas.min(changed * 1e3);
+    ((lost - summed).abs() > allowed).then(|| format!("areas lost {lost}, not {summed}"))
 }
 
 #[cfg(test)]
@@ -87,6 +109,7 @@ mod tests {
     use crate::fixtures::soup;
     use crate::oracle::tree_of;
     use prbvh_kernel::prbvh::WON;
+    use prbvh_kernel::sum::scale_of;
 
     /// One move in a small tree.
     fn moved() -> (NaiveTree, Moved, PrbvhParams) {
@@ -94,7 +117,8 @@ mod tests {
         let (input, output) = (20, tree.outputs(20)[3]);
         let found = [Move { area_decrease: 1.0, input: input | WON, output, other: output }];
         let nodes = tree.encode();
-        let params = PrbvhParams { count: 1, ..PrbvhParams::every(1, 0, nodes.len() as u32) };
+        let scale = scale_of(half_area(&tree.boxes[0]));
+        let params = PrbvhParams { count: 1, scale, ..PrbvhParams::every(1, 0, nodes.len() as u32) };
         let moved = reinsert(&nodes, &found, &nothing_kept(nodes.len()), 1, &params);
         (tree, moved, params)
     }
@@ -126,5 +150,24 @@ mod tests {
         moved.nodes[leaf].max = [9.0; 3];
         moved.found[0] = Move { input: WON, output: 0, other: 0, ..moved.found[0] };
         assert!(paths_fault(&moved, &params).is_some_and(|fault| fault.starts_with("box of")));
+    }
+
+    #[test]
+    fn a_sum_that_is_off_is_a_fault() {
+        let (_, moved, params) = moved();
+        let before = NaiveTree::decode(&moved.nodes);
+        let mut after = NaiveTree::decode(&moved.nodes);
+        after.refit(0);
+        let marked = |fault: Option<String>| fault.is_some_and(|fault| fault.contains("marked"));
+        let lost = |fault: Option<String>| fault.is_some_and(|fault| fault.starts_with("areas lost"));
+        let mut report = [0; REPORT_WORDS as usize];
+        assert!(lost(sums_fault(&report, &before, &after, params.scale)), "nothing was summed up");
+        assert_eq!(sums_fault(&report, &before, &before, params.scale), None);
+        report[SHRUNK + 1] = 1;
+        assert!(lost(sums_fault(&report, &before, &before, params.scale)));
+        report[GREW + 1] = 1;
+        assert_eq!(sums_fault(&report, &before, &before, params.scale), None);
+        report[MARKED] = 1;
+        assert!(marked(sums_fault(&report, &before, &before, params.scale)));
     }
 }

@@ -1,5 +1,6 @@
 //! lavapipe ends an invocation's loops after 65,535 rounds of them all, in silence: what is not done must be a fault.
 
+use bytemuck::Zeroable;
 use prbvh_kernel::Kernel;
 use prbvh_kernel::prbvh::worst::RoundParams;
 use prbvh_kernel::prbvh::worst::books::{BOOKS_WORDS, CLOSE};
@@ -22,10 +23,9 @@ fn check_climb(leaves: u32) {
         nodes: nodes.len() as u32,
         root_area: 1.0,
         scale: 1.0,
-        row: 0,
         page: CLOSE,
-        wanted: 1,
         pool: 1,
+        ..Zeroable::zeroed()
     };
     with_devices(|devices| {
         for (name, device) in devices {

@@ -23,8 +23,7 @@ fn prediction_fault(before: f64, after: f64, predicted: f64) -> Option<String> {
 
 /// Each round by itself.
 fn by_rows(settings: &PrbvhSettings) -> PrbvhSettings {
-    let worst_first = WorstFirst { row_by_row: true, ..settings.worst_first };
-    PrbvhSettings { worst_first, ..settings.clone() }
+    PrbvhSettings { news: Duration::ZERO, ..settings.clone() }
 }
 
 /// Row and tree hash after each iteration, and the tree that is kept.

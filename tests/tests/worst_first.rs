@@ -1,5 +1,6 @@
 //! Worst first: the whole run on every device, round by round.
 
+use bytemuck::Zeroable;
 use prbvh::build::DeviceTree;
 use prbvh::bvh::{tree_hash, validate};
 use prbvh::device::Device;
@@ -25,9 +26,10 @@ use proptest::prelude::*;
 use std::cell::RefCell;
 use std::ops::ControlFlow;
 use std::rc::Rc;
+use std::time::Duration;
 
 fn settings(worst_first: WorstFirst) -> PrbvhSettings {
-    PrbvhSettings { worst_first: WorstFirst { row_by_row: true, ..worst_first }, ..PrbvhSettings::default() }
+    PrbvhSettings { worst_first, news: Duration::ZERO, ..PrbvhSettings::default() }
 }
 
 /// Few nodes at first, and soon all of them.
@@ -234,10 +236,9 @@ fn a_loop_is_never_refitted() {
             nodes: nodes.len() as u32,
             root_area: 1.0,
             scale: 1.0,
-            row: 0,
             page: CLOSE,
-            wanted: 1,
             pool: 1,
+            ..Zeroable::zeroed()
         };
         let case = Case::new(Kernel::WorstBooks, 1, &params).with(&refitted.get::<u32>("books")).zeros(2 * internal);
         let closed = case.with(&refitted.get::<u32>("report")).run_everywhere();

@@ -1,5 +1,6 @@
 //! The kernels of the worst-first order, each alone: pool and list, unfolding, rounds of locks, the best tree.
 
+use bytemuck::Zeroable;
 use prbvh::device::Device;
 use prbvh_kernel::Kernel;
 use prbvh_kernel::mem::AtomicU32;
@@ -29,7 +30,8 @@ const REPORT: usize = REPORT_WORDS as usize;
 /// Of a tree with `places` internal nodes and a root of area 1.
 fn round(places: usize, page: u32, wanted: u32) -> RoundParams {
     let nodes = 2 * places as u32 + 1;
-    RoundParams { count: places as u32, nodes, root_area: 1.0, scale: 1.0, row: 0, page, wanted, pool: u32::MAX }
+    let (count, pool) = (places as u32, u32::MAX);
+    RoundParams { count, nodes, root_area: 1.0, scale: 1.0, page, wanted, pool, ..Zeroable::zeroed() }
 }
 
 /// A pool, of which some nodes are tired.

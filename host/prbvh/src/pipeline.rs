@@ -21,7 +21,7 @@ use prbvh_kernel::Kernel;
 use prbvh_kernel::setup::Triangle;
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A better tree, and how it came about.
 #[derive(Clone, Debug)]
@@ -185,7 +185,9 @@ fn run(
         Optimizer::Prbvh => {
             let mut settings = settings.prbvh.clone();
             settings.limits.target_cost = below(settings.limits.target_cost);
-            settings.worst_first.row_by_row |= row_by_row;
+            if row_by_row {
+                settings.news = Duration::ZERO;
+            }
             let last_search = device.last_search();
             prbvh_from(device, &tree, areas, &settings, &mut |row, tree, device| {
                 observe(row, CurrentTree::Device(tree, device, last_search.borrow().clone()))

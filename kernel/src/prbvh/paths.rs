@@ -10,21 +10,29 @@ use super::{Move, PrbvhParams};
 use crate::aabb::Aabb;
 use crate::mem::{AtomicU32, Slot};
 use crate::node::{AtomicNode, Links, NO_NODE, Node};
+use crate::status::{self, GREW, MARKED, REFITTED, SHRUNK};
+use crate::sum::Sum;
 
-/// Invocation `i` climbs from the ends of the move `found[i]`, if it was made. Reads `nodes[2n-1]`, raises `ways[n-1]`, which starts as 0. Returns
-/// how many nodes it was the first to come to, and one more if the climb did not come to its end.
+/// Invocation `i` climbs from the ends of the move `found[i]`, if it was made. Reads `nodes[2n-1]`, raises `ways[n-1]`, which starts as 0. Reports how
+/// many nodes it was the first to come to, and one more if the climb did not come to its end.
 #[inline(always)]
-pub fn mark(i: u32, params: &PrbvhParams, found: &[Slot<Move>], nodes: &[Node], ways: &[AtomicU32]) -> u32 {
+pub fn mark(
+    i: u32,
+    params: &PrbvhParams,
+    found: &[Slot<Move>],
+    nodes: &[Node],
+    ways: &[AtomicU32],
+    report: &[AtomicU32],
+) {
     let own = found[i as usize].get();
-    let mut marked = 0;
     if own.has_won() {
-        marked += mark_from(own.output, params, nodes, ways);
+        let mut marked = mark_from(own.output, params, nodes, ways);
         marked += mark_from(own.other, params, nodes, ways);
         if own.input() != own.other {
             marked += mark_from(own.input(), params, nodes, ways);
         }
+        status::count(report, params.row, MARKED, marked);
     }
-    marked
 }
 
 #[inline(always)]
@@ -43,8 +51,8 @@ fn mark_from(start: u32, params: &PrbvhParams, nodes: &[Node], ways: &[AtomicU32
     marked + !done as u32
 }
 
-/// Invocation `i` climbs from the ends of the move `found[i]` and recomputes boxes. Reads and writes `nodes[2n-1]`, lowers `ways[n-1]` to 0. Calls
-/// `complete(v, old box, left box, right box)` of each node that it completes and returns how many there were.
+/// Invocation `i` climbs from the ends of the move `found[i]` and recomputes boxes; reports how the sum of the areas changes. Reads and writes
+/// `nodes[2n-1]`, lowers `ways[n-1]` to 0. Calls `complete(v, area, left box, right box)` of each node that it completes.
 #[inline(always)]
 pub fn refit(
     i: u32,
@@ -52,18 +60,29 @@ pub fn refit(
     found: &[Slot<Move>],
     nodes: &[AtomicNode],
     ways: &[AtomicU32],
-    mut complete: impl FnMut(u32, Aabb, Aabb, Aabb),
-) -> u32 {
+    report: &[AtomicU32],
+    mut complete: impl FnMut(u32, f32, Aabb, Aabb),
+) {
     let own = found[i as usize].get();
-    let mut completed = 0;
     if own.has_won() {
-        completed += refit_from(own.output, params, nodes, ways, &mut complete);
+        let mut shrunk = Sum::ZERO;
+        let mut grew = Sum::ZERO;
+        let mut complete = |v: u32, old: Aabb, left: Aabb, right: Aabb| {
+            let area = left.union(right).half_area();
+            let change = old.half_area() - area;
+            shrunk = shrunk.plus(Sum::of(change, params.scale));
+            grew = grew.plus(Sum::of(-change, params.scale));
+            complete(v, area, left, right);
+        };
+        let mut completed = refit_from(own.output, params, nodes, ways, &mut complete);
         completed += refit_from(own.other, params, nodes, ways, &mut complete);
         if own.input() != own.other {
             completed += refit_from(own.input(), params, nodes, ways, &mut complete);
         }
+        status::count(report, params.row, REFITTED, completed);
+        shrunk.add_to(report, params.row as usize + SHRUNK);
+        grew.add_to(report, params.row as usize + GREW);
     }
-    completed
 }
 
 #[inline(always)]

@@ -316,7 +316,9 @@ fn optimized(
         Optimizer::Prbvh => {
             let mut settings = configuration.prbvh.clone();
             settings.limits.max_time = limit;
-            settings.worst_first.row_by_row = is_exact;
+            if is_exact {
+                settings.news = Duration::ZERO;
+            }
             // Rows of one submission are seen together, and know their times.
             let mut set_up_s = None;
             let outcome = prbvh_from(device, &tree, Some(areas), &settings, &mut |row, tree, device| {

@@ -1,6 +1,6 @@
 //! The kernels on the CPU, behind the same interface as a GPU.
 
-use super::{Buffer, Command, Device, DeviceError, DeviceInfo, DeviceKind, MemoryUse, Recording, Timing};
+use super::{Buffer, Command, Device, DeviceError, DeviceInfo, DeviceKind, MemoryUse, Recording, Timing, Traffic};
 use prbvh_cpu_sim::{BufferId, CpuSim, Order, Pages};
 use prbvh_kernel::node::Node;
 use std::time::Instant;
@@ -11,6 +11,7 @@ pub struct CpuDevice {
     sim: CpuSim,
     info: DeviceInfo,
     memory: MemoryUse,
+    traffic: Traffic,
 }
 
 impl CpuDevice {
@@ -39,7 +40,7 @@ impl CpuDevice {
             atomics_64: true,
             busy_invocations: u32::try_from(threads * 8).unwrap_or(u32::MAX),
         };
-        Ok(Self { sim, info, memory: MemoryUse::default() })
+        Ok(Self { sim, info, memory: MemoryUse::default(), traffic: Traffic::default() })
     }
 }
 
@@ -62,6 +63,7 @@ impl Device for CpuDevice {
         // Trees are walked; of other buffers an optimiser may touch little.
         let pages = if element_bytes == size_of::<Node>() { Pages::Large } else { Pages::Small };
         let BufferId(id) = self.sim.allocate(bytes, pages).map_err(|_| refused())?;
+        self.traffic.allocations += 1;
         self.memory.bytes += bytes as u64;
         self.memory.peak_bytes = self.memory.peak_bytes.max(self.memory.bytes);
         Ok(Buffer { id, label, length, element_bytes })
@@ -73,11 +75,13 @@ impl Device for CpuDevice {
     }
 
     fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
+        self.traffic.bytes_in += bytes.len() as u64;
         self.sim.bytes_mut(id(buffer))[..bytes.len()].copy_from_slice(bytes);
         Ok(())
     }
 
     fn download_from(&mut self, buffer: &Buffer, first: usize, bytes: &mut [u8]) -> Result<(), DeviceError> {
+        self.traffic.bytes_out += bytes.len() as u64;
         bytes.copy_from_slice(&self.sim.bytes(id(buffer))[first..][..bytes.len()]);
         Ok(())
     }
@@ -98,14 +102,21 @@ impl Device for CpuDevice {
                 Command::Copy { from, to } => {
                     sim.bytes_mut(id(to)).copy_from_slice(&sim.bytes(id(from)));
                 }
+                // It is where the host is.
+                Command::Fetch { .. } => {}
             }
             Timing { label, seconds: start.elapsed().as_secs_f64() }
         };
+        self.traffic.note(recording);
         Ok(self.sim.within(|sim| recording.commands().iter().map(|command| timed(sim, command)).collect()))
     }
 
     fn memory(&self) -> MemoryUse {
         self.memory
+    }
+
+    fn traffic(&self) -> Traffic {
+        self.traffic
     }
 
     fn run_on_host(&self, work: &mut (dyn FnMut() + Send)) {

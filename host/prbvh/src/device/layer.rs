@@ -1,6 +1,6 @@
 //! A device in front of another.
 
-use super::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
+use super::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing, Traffic};
 
 /// A device that passes on to another what it does not do itself. Its methods are those of [`Device`], which every layer is: import one of
 /// the two.
@@ -58,6 +58,11 @@ pub trait Layer {
         self.inner().memory()
     }
 
+    /// [`Device::traffic`].
+    fn traffic(&self) -> Traffic {
+        self.inner().traffic()
+    }
+
     /// [`Device::run_on_host`].
     fn run_on_host(&self, work: &mut (dyn FnMut() + Send)) {
         self.inner().run_on_host(work);
@@ -91,6 +96,10 @@ impl<T: Layer> Device for T {
 
     fn memory(&self) -> MemoryUse {
         Layer::memory(self)
+    }
+
+    fn traffic(&self) -> Traffic {
+        Layer::traffic(self)
     }
 
     fn run_on_host(&self, work: &mut (dyn FnMut() + Send)) {

@@ -9,6 +9,7 @@ mod open;
 mod pieces;
 pub mod record;
 mod stoppable;
+mod traffic;
 #[cfg(feature = "vulkan")]
 pub mod vulkan;
 mod watched;
@@ -21,6 +22,7 @@ pub use open::open;
 pub(crate) use pieces::read_pieces;
 pub use record::{Buffer, Command, Counted, Dispatch, Recording};
 pub use stoppable::Stoppable;
+pub use traffic::Traffic;
 pub(crate) use watched::Watched;
 
 use serde::Serialize;
@@ -67,6 +69,9 @@ pub trait Device {
 
     /// Bytes in buffers now, and the most there were.
     fn memory(&self) -> MemoryUse;
+
+    /// How often it was spoken to since it was opened.
+    fn traffic(&self) -> Traffic;
 
     /// Runs work of the host that uses rayon: on a CPU device with the threads that it was given, else with those of the current pool.
     /// [`on_host`] returns what the work makes.

@@ -73,6 +73,13 @@ pub enum Command {
         /// Where to.
         to: Buffer,
     },
+    /// Bring the first bytes of a buffer along: the host will [download](super::Device::download) them next, which then costs no more time.
+    Fetch {
+        /// Where from.
+        from: Buffer,
+        /// How many.
+        bytes: usize,
+    },
 }
 
 /// Commands, each with the label under which its time is reported.
@@ -166,6 +173,15 @@ impl Recording {
     /// Adds the clearing of a buffer.
     pub fn clear(&mut self, label: &'static str, buffer: &Buffer) {
         self.commands.push((label, Command::Clear(buffer.clone())));
+    }
+
+    /// Adds that the host will read the first `bytes` bytes of a buffer as they are now.
+    ///
+    /// # Panics
+    /// If the buffer is shorter: a mistake of the caller.
+    pub fn fetch(&mut self, label: &'static str, from: &Buffer, bytes: usize) {
+        assert!(bytes as u64 <= from.bytes(), "{} has no {bytes} bytes", from.label);
+        self.commands.push((label, Command::Fetch { from: from.clone(), bytes }));
     }
 
     /// Adds a copy of a whole buffer.

@@ -131,14 +131,9 @@ impl Measure {
         Ok((TreeAreas { root: sum(root), leaves: sum(leaves), internal: sum(internal) }, timings))
     }
 
-    /// Records the sum that [`Measure::internal_areas`] reads.
+    /// Records a sum that looks, after a refit of all, whether it came to every node.
     pub(super) fn record_internal(&self, recording: &mut Recording) {
         self.record_sum(recording, 0, self.internal(), 0);
-    }
-
-    /// Sum of the half areas of the internal nodes: f32 over fixed chunks, f64 over the chunks.
-    pub(super) fn internal_areas(&self, device: &mut dyn Device) -> Result<f64, DeviceError> {
-        Ok(sum(&self.read(device, self.internal().div_ceil(COST_CHUNK) as usize)?))
     }
 
     /// Records the sums of the half areas of `nodes` nodes from `first` on, for `partial` from `to` on.

@@ -2,9 +2,11 @@
 
 mod areas;
 mod current;
+mod ledger;
 mod limits;
 mod moves;
 mod new_top;
+mod pace;
 mod prbvh;
 mod published;
 mod rbvh;

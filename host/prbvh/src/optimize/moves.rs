@@ -90,7 +90,7 @@ impl Moves {
         }
     }
 
-    /// Records a dispatch over the moves; over those of the list, if there are [rounds of locks](ROUNDS).
+    /// Records a dispatch over the moves, as many as the books list.
     pub(super) fn dispatch(
         &self,
         recording: &mut Recording,
@@ -99,11 +99,7 @@ impl Moves {
         params: &PrbvhParams,
         buffers: &[&Buffer],
     ) {
-        if params.has(ROUNDS) {
-            recording.dispatch_counted(label, kernel, params.count, params, buffers, &self.books, OVER_LIST);
-        } else {
-            recording.dispatch(label, kernel, params.count, params, buffers);
-        }
+        recording.dispatch_counted(label, kernel, params.count, params, buffers, &self.books, OVER_LIST);
     }
 
     /// Records a lock and a check.

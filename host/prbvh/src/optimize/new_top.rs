@@ -140,7 +140,7 @@ impl Top {
         };
         let max_time = settings.limits.max_time.map(|limit| limit.saturating_sub(session.elapsed()));
         let settings = PrbvhSettings {
-            worst_first: WorstFirst { top: 0, row_by_row: false, ..settings.worst_first },
+            worst_first: WorstFirst { top: 0, ..settings.worst_first },
             limits: Limits {
                 max_time,
                 stop: settings.limits.stop.clone(),

@@ -1,16 +1,17 @@
 //! The published order: every µ-th node in turn, single moves (Meister & Bittner 2018, §4.4).
 
-use super::schedule::Schedule;
-use super::session::{Observe, Outcome, Report, Session};
-use super::{PrbvhSettings, StopReason, Strategy, TreeAreas};
+use super::ledger::Ledger;
+use super::pace::{MOST_AT_ONCE, Pace};
+use super::session::{Observe, Outcome, Session};
+use super::{Epsilon, PrbvhSettings, StopReason, Strategy, TreeAreas};
 use crate::build::DeviceTree;
 use crate::device::{Device, DeviceError, Recording};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::prbvh::worst::RoundParams;
-use prbvh_kernel::prbvh::worst::books::{BEGIN, BEST};
+use prbvh_kernel::prbvh::worst::books::{BEGIN, CLOSE, RESUME};
+use prbvh_kernel::prbvh::worst::verdict::{JUDGES, PUBLISHED};
 use prbvh_kernel::prbvh::{CONSERVATIVE, PrbvhParams};
-use prbvh_kernel::status::{FAULTS, SEARCHED};
-use prbvh_kernel::sum::scale_of;
+use prbvh_kernel::status::{AT_FAULT, GOES_ON, REPORT_WORDS, SEARCHED, SETTLED};
 
 pub(super) fn run(
     device: &mut dyn Device,
@@ -19,106 +20,121 @@ pub(super) fn run(
     settings: &PrbvhSettings,
     observe: Observe<'_>,
 ) -> Result<Outcome, DeviceError> {
-    let mut session = Session::new(device, tree, DeviceTree::node_count(tree.references), 1)?;
+    let mut session = Session::new(device, tree, DeviceTree::node_count(tree.references), MOST_AT_ONCE)?;
     let working_bytes = device.memory().bytes;
-    let (areas, mut faults) = session.begin(device, areas, settings.mu.max(1))?;
-    let scale = scale_of(areas.root);
-    let mut schedule = Schedule::new(settings, session.row().cost);
-    let mut best = session.row().cost;
-    let mut is_best = true;
-    let mut epoch = 0;
-    let stop = loop {
-        let done = session.row().iteration;
-        if faults != 0 {
-            break StopReason::Fault(faults);
-        }
-        if observe(session.row(), tree, device).is_break() {
-            break StopReason::Cancelled;
-        }
-        if done > 0
-            && let Some(stop) = schedule.note(session.row())
-        {
-            break stop;
-        }
-        if let Some(stop) = schedule.limit(done, session.elapsed()) {
-            break stop;
-        }
-        let mut recording = Recording::new();
-        recording.clear("search", &session.moves.report);
-        if is_best {
-            epoch += 1;
-            record_best(&session, &mut recording, epoch);
-        }
-        let mu = schedule.mu();
-        let params = PrbvhParams {
-            flags: if settings.strategy == Strategy::Conservative { CONSERVATIVE } else { 0 },
-            scale,
-            ..PrbvhParams::every(mu, done % mu, session.node_count)
-        };
-        record_iteration(&session, &mut recording, &params);
-        session.submit(device, &recording)?;
-        let internal = session.measure.internal_areas(device)?;
-        let mut report: Report = session.report(device)?;
-        faults = report[FAULTS];
-        if faults != 0 {
-            is_best = false;
-            break StopReason::Fault(faults);
-        }
-        report[SEARCHED] = params.count;
-        let cost = TreeAreas { internal, ..areas }.cost(tree.references);
-        is_best = cost < best;
-        if is_best {
-            best = cost;
-        }
-        let clock = session.clock();
-        session.push_row(&report, mu, cost, &areas, scale, clock);
+    let (areas, faults) = session.begin(device, areas, settings.mu.max(1))?;
+    let mut ledger = Ledger::new(areas, tree.references);
+    let stop = if faults == 0 {
+        iterate(&mut session, device, &mut ledger, settings, observe)?
+    } else {
+        StopReason::Fault(faults)
     };
     // Without an iteration the tree is as it was, and none is kept.
-    let faults = if session.rows.len() > 1 { settle(&mut session, device, is_best, epoch)? } else { None };
+    let is_best = session.row().cost <= ledger.best_cost && !matches!(stop, StopReason::Fault(_));
+    let faults = if session.has_moved { settle(&mut session, device, is_best)? } else { None };
     Ok(session.finish(device, faults.map_or(stop, StopReason::Fault), working_bytes))
 }
 
-/// Records that the tree as it is now is the best one.
-fn record_best(session: &Session<'_>, recording: &mut Recording, epoch: u32) {
-    let page = if epoch == 1 { BEGIN } else { BEST };
-    // No fringe: a tree without places has none.
-    let params = RoundParams { count: 1, nodes: 0, root_area: 0.0, scale: 0.0, row: 0, page, wanted: 0, pool: 0 };
-    session.moves.record_page(recording, "keep best", &params, &session.measure.arrivals);
+/// Iterations until the rule or a limit ends them.
+fn iterate(
+    session: &mut Session<'_>,
+    device: &mut dyn Device,
+    ledger: &mut Ledger,
+    settings: &PrbvhSettings,
+    observe: Observe<'_>,
+) -> Result<StopReason, DeviceError> {
+    let epsilon = match settings.epsilon {
+        Epsilon::Relative(part) => part * ledger.best_cost,
+        Epsilon::Absolute(change) => change,
+    };
+    let rule = RoundParams {
+        flags: JUDGES | PUBLISHED,
+        patience: settings.patience.max(1),
+        epsilon: ledger.units(epsilon),
+        ..ledger.params(&settings.limits)
+    };
+    let mut mu = settings.mu.max(1);
+    let mut pace = Pace::new(settings.news);
+    let mut page = BEGIN;
+    if observe(session.row(), session.tree, device).is_break() {
+        return Ok(StopReason::Cancelled);
+    }
+    loop {
+        if let Some(stop) = session.ended(&settings.limits) {
+            return Ok(stop);
+        }
+        let done = session.row().iteration;
+        let every = |iteration| PrbvhParams {
+            flags: if settings.strategy == Strategy::Conservative { CONSERVATIVE } else { 0 },
+            scale: ledger.scale,
+            ..PrbvhParams::every(mu, iteration % mu, session.node_count)
+        };
+        let searched = f64::from(session.node_count) / f64::from(mu);
+        let rounds = pace.rounds(std::iter::repeat(searched), &settings.limits, done, session.elapsed());
+        let all: Vec<PrbvhParams> =
+            (0..rounds).map(|k| PrbvhParams { row: k * REPORT_WORDS, ..every(done + k) }).collect();
+
+        let mut recording = Recording::new();
+        recording.clear("search", &session.moves.report);
+        // The first set of every µ-th node is the largest.
+        let listed = PrbvhParams::every(mu, 0, session.node_count).count;
+        if page != CLOSE {
+            record_page(session, &mut recording, &RoundParams { page, listed, ..rule });
+        }
+        let mut ends = Vec::new();
+        for params in &all {
+            record_iteration(session, &mut recording, params);
+            record_page(session, &mut recording, &RoundParams { page: CLOSE, row: params.row, ..rule });
+            ends.push(recording.commands().len());
+        }
+        let start = session.elapsed_s();
+        let reports = session.submit_rows(device, recording, &ends)?;
+        pace.note(reports.len(), searched * reports.len() as f64, session.elapsed_s() - start);
+        let mut verdict = GOES_ON;
+        for ((mut report, clock), params) in reports.into_iter().zip(&all) {
+            report[SEARCHED] = params.count;
+            verdict = session.push_round(&report, mu, ledger, clock);
+        }
+        // The tree is that of the last row.
+        if session.observe_rows(done, device, observe).is_break() {
+            return Ok(StopReason::Cancelled);
+        }
+        match verdict {
+            AT_FAULT => return Ok(StopReason::Fault(session.faults)),
+            SETTLED if mu == 1 => return Ok(StopReason::Converged),
+            SETTLED => mu -= 1,
+            _ => {}
+        }
+        page = if verdict == GOES_ON { CLOSE } else { RESUME };
+    }
 }
 
-/// Records search, lock, check, reinsertion, refit and the sum of the areas.
+/// No fringe: a tree without places has none.
+fn record_page(session: &Session<'_>, recording: &mut Recording, params: &RoundParams) {
+    session.moves.record_page(recording, "keep best", params, &session.measure.arrivals);
+}
+
+/// Records search, lock, check, reinsertion and refit.
 fn record_iteration(session: &Session<'_>, recording: &mut Recording, params: &PrbvhParams) {
     let (nodes, ways) = (&session.tree.nodes, &session.measure.arrivals);
     let moves = &session.moves;
+    let (found, report) = (&moves.found, &moves.report);
     moves.clear_locks(recording);
-    moves.dispatch(recording, "search", Kernel::PrbvhSearch, params, &[nodes, &moves.found, &moves.report]);
+    moves.dispatch(recording, "search", Kernel::PrbvhSearch, params, &[nodes, found, report]);
     moves.record_lock(recording, params);
     moves.record_reinsert(recording, params);
-    moves.dispatch(recording, "refit", Kernel::PrbvhMark, params, &[&moves.found, nodes, ways]);
-    moves.dispatch(recording, "refit", Kernel::PrbvhRefit, params, &[&moves.found, nodes, ways]);
-    session.measure.record_internal(recording);
+    moves.dispatch(recording, "refit", Kernel::PrbvhMark, params, &[found, nodes, ways, report]);
+    moves.dispatch(recording, "refit", Kernel::PrbvhRefit, params, &[found, nodes, ways, report]);
 }
 
 /// Leaves the best tree, with all boxes made anew; returns the faults if that shows that the last one is no tree.
-fn settle(
-    session: &mut Session<'_>,
-    device: &mut dyn Device,
-    is_best: bool,
-    epoch: u32,
-) -> Result<Option<u32>, DeviceError> {
+fn settle(session: &mut Session<'_>, device: &mut dyn Device, is_best: bool) -> Result<Option<u32>, DeviceError> {
+    let mut faults = 0;
     if is_best {
-        let mut recording = Recording::new();
-        recording.clear("refit", &session.moves.report);
-        session.measure.record_refit(&mut recording);
-        session.measure.record_internal(&mut recording);
-        session.submit(device, &recording)?;
-        let faults = session.report(device)?[FAULTS];
-        if faults == 0 {
-            return Ok(None);
-        }
-        session.restore(device, epoch)?;
-        return Ok(Some(faults));
+        faults = session.refit_all(device)?;
     }
-    session.restore(device, epoch)?;
-    Ok(None)
+    if !is_best || faults != 0 {
+        session.restore_best(device)?;
+    }
+    Ok((faults != 0).then_some(faults))
 }

@@ -1,6 +1,6 @@
 //! Which nodes are searched when, and when to stop.
 
-use super::{IterationRow, Limits, StopReason, Strategy};
+use super::{Limits, Strategy};
 use serde::Serialize;
 use std::time::Duration;
 
@@ -58,8 +58,6 @@ pub struct WorstFirst {
     pub tail_part: f64,
     /// Nodes of the top of the tree, about, that is built anew before the tail, with several beginnings, at most an eighth of all; 0 for never.
     pub top: u32,
-    /// Whether the host looks at every round by itself: then an observer finds the tree of its row. Else the first rounds run together.
-    pub row_by_row: bool,
 }
 
 /// Sizes of the tops that are built anew, one after another, as parts of the largest.
@@ -90,10 +88,12 @@ impl Default for WorstFirst {
             patience: 2,
             tail_part: 0.02,
             top: 8000,
-            row_by_row: false,
         }
     }
 }
+
+/// Whoever waits for news, or wants an end, waits no longer.
+const NEWS: Duration = Duration::from_millis(20);
 
 /// Settings of the optimiser.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -114,6 +114,10 @@ pub struct PrbvhSettings {
     /// Of [`Order::Published`]: iterations without a new best tree, by more than `epsilon`, that end the search with this `mu`: the published rule can
     /// cycle for ever.
     pub patience: u32,
+    /// Iterations run on the device without a word from the host for about this long. 0: each by itself, so that an observer finds the tree of its row;
+    /// else it finds that of the last. Has no influence on the tree.
+    #[serde(skip)]
+    pub news: Duration,
 }
 
 impl Default for PrbvhSettings {
@@ -126,6 +130,7 @@ impl Default for PrbvhSettings {
             epsilon: Epsilon::Relative(1e-4),
             limits: Limits::iterations(1000),
             patience: 20,
+            news: NEWS,
         }
     }
 }
@@ -135,149 +140,5 @@ impl PrbvhSettings {
     #[must_use]
     pub fn published() -> Self {
         Self { order: Order::Published, ..Self::default() }
-    }
-}
-
-/// The state of the published rule (Meister & Bittner 2018, §4.4).
-#[derive(Debug)]
-pub(super) struct Schedule {
-    epsilon: f64,
-    patience: u32,
-    limits: Limits,
-    mu: u32,
-    cost: f64,
-    best: f64,
-    since_best: u32,
-}
-
-impl Schedule {
-    pub(super) fn new(settings: &PrbvhSettings, initial_cost: f64) -> Self {
-        let epsilon = match settings.epsilon {
-            Epsilon::Relative(part) => part * initial_cost,
-            Epsilon::Absolute(change) => change,
-        };
-        Self {
-            epsilon,
-            patience: settings.patience.max(1),
-            limits: settings.limits.clone(),
-            mu: settings.mu.max(1),
-            cost: initial_cost,
-            best: initial_cost,
-            since_best: 0,
-        }
-    }
-
-    /// Every `mu`-th node is searched next.
-    pub(super) fn mu(&self) -> u32 {
-        self.mu
-    }
-
-    /// Whether a limit forbids another iteration.
-    pub(super) fn limit(&self, iterations: u32, elapsed: Duration) -> Option<StopReason> {
-        if self.limits.is_target(self.cost) {
-            return Some(StopReason::Target);
-        }
-        self.limits.used_up(iterations, elapsed)
-    }
-
-    /// Takes note of an iteration; says whether it was the last.
-    pub(super) fn note(&mut self, row: &IterationRow) -> Option<StopReason> {
-        let change = (self.cost - row.cost).abs();
-        self.cost = row.cost;
-        if self.limits.is_target(self.cost) {
-            return Some(StopReason::Target);
-        }
-        self.since_best += 1;
-        if row.cost < self.best - self.epsilon {
-            self.since_best = 0;
-            self.best = row.cost;
-        }
-        // Written so that a NaN settles.
-        let settled =
-            change.partial_cmp(&self.epsilon) != Some(std::cmp::Ordering::Greater) || self.since_best >= self.patience;
-        if self.mu == 1 && (settled || row.applied == 0) {
-            return Some(StopReason::Converged);
-        }
-        if settled {
-            self.mu -= 1;
-            self.since_best = 0;
-        }
-        None
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn row(cost: f64, applied: u32) -> IterationRow {
-        IterationRow { cost, found: applied, owned: applied, applied, ..IterationRow::default() }
-    }
-
-    fn schedule(mu: u32, epsilon: Epsilon, patience: u32) -> Schedule {
-        Schedule::new(&PrbvhSettings { mu, epsilon, patience, ..PrbvhSettings::default() }, 100.0)
-    }
-
-    #[test]
-    fn mu_falls_by_one_when_the_cost_settles_and_the_end_comes_at_one() {
-        let mut rule = schedule(3, Epsilon::Absolute(0.1), 20);
-        assert_eq!(rule.note(&row(90.0, 5)), None);
-        assert_eq!(rule.mu(), 3);
-        assert_eq!(rule.note(&row(89.95, 5)), None);
-        assert_eq!(rule.mu(), 2);
-        assert_eq!(rule.note(&row(89.95, 0)), None);
-        assert_eq!(rule.mu(), 1);
-        assert_eq!(rule.note(&row(80.0, 5)), None);
-        assert_eq!(rule.note(&row(79.95, 5)), Some(StopReason::Converged));
-    }
-
-    #[test]
-    fn epsilon_may_be_a_part_of_the_initial_cost() {
-        let mut rule = schedule(1, Epsilon::Relative(1e-2), 20);
-        assert_eq!(rule.note(&row(98.9, 1)), None);
-        assert_eq!(rule.note(&row(98.0, 1)), Some(StopReason::Converged));
-    }
-
-    #[test]
-    fn a_limit_cycle_ends() {
-        let mut rule = schedule(2, Epsilon::Absolute(0.1), 6);
-        let ended = (0..100).find(|k| rule.note(&row(if k % 2 == 0 { 99.0 } else { 100.0 }, 2)).is_some());
-        assert!(ended.is_some_and(|k| k < 20), "{ended:?}");
-    }
-
-    #[test]
-    fn a_cost_that_is_no_number_ends() {
-        let mut rule = schedule(2, Epsilon::Absolute(0.1), 6);
-        assert_eq!(rule.note(&row(f64::NAN, 2)), None);
-        assert_eq!(rule.note(&row(f64::NAN, 2)), Some(StopReason::Converged));
-    }
-
-    #[test]
-    fn limits_are_asked_before_an_iteration() {
-        let settings = PrbvhSettings {
-            limits: Limits { max_time: Some(Duration::from_secs(1)), ..Limits::iterations(3) },
-            ..PrbvhSettings::default()
-        };
-        let rule = Schedule::new(&settings, 1.0);
-        assert_eq!(rule.limit(2, Duration::from_millis(999)), None);
-        assert_eq!(rule.limit(3, Duration::ZERO), Some(StopReason::MaxIterations));
-        assert_eq!(rule.limit(0, Duration::from_secs(1)), Some(StopReason::MaxTime));
-    }
-
-    #[test]
-    fn the_target_ends_a_run_before_any_other_reason() {
-        let settings = PrbvhSettings {
-            limits: Limits { target_cost: Some(90.0), ..Limits::iterations(1) },
-            mu: 1,
-            ..PrbvhSettings::default()
-        };
-        let mut rule = Schedule::new(&settings, 100.0);
-        assert_eq!(rule.limit(0, Duration::ZERO), None);
-        assert_eq!(rule.note(&row(90.5, 1)), None);
-        assert_eq!(rule.note(&row(90.0, 0)), Some(StopReason::Target));
-        assert_eq!(rule.limit(9, Duration::ZERO), Some(StopReason::Target));
-        assert_eq!(Schedule::new(&settings, 89.0).limit(0, Duration::ZERO), Some(StopReason::Target), "initial tree");
-        let mut rule = Schedule::new(&settings, 100.0);
-        assert_eq!(rule.note(&row(f64::NAN, 1)), Some(StopReason::Converged), "no number is no target");
     }
 }

@@ -1,11 +1,15 @@
 //! A run on a device: what both orders of search share.
 
 use super::areas::{Measure, TreeAreas};
+use super::ledger::Ledger;
 use super::moves::Moves;
-use super::{IterationRow, StopReason, set_relative_errors};
+use super::{IterationRow, Limits, StopReason, set_relative_errors};
 use crate::build::{DeviceTree, Scratch};
 use crate::device::{Device, DeviceError, Recording, Timing};
-use prbvh_kernel::status::{APPLIED, FAULTS, FOUND, MOST_STEPS, OWNED, PREDICTED, REPORT_WORDS, SEARCHED, VISITS};
+use prbvh_kernel::prbvh::worst::books::EPOCH;
+use prbvh_kernel::status::{
+    APPLIED, AT_FAULT, FAULTS, FOUND, GOES_ON, MOST_STEPS, OWNED, PREDICTED, REPORT_WORDS, SEARCHED, VERDICT, VISITS,
+};
 use prbvh_kernel::sum;
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -57,6 +61,10 @@ pub(super) struct Session<'a> {
     pub(super) moves: Moves,
     pub(super) measure: Measure,
     pub(super) rows: Vec<IterationRow>,
+    /// Whether rounds ran.
+    pub(super) has_moved: bool,
+    /// Of the round that ended a run by faults.
+    pub(super) faults: u32,
     start: Instant,
     timings: Vec<Timing>,
     device_s: f64,
@@ -81,6 +89,8 @@ impl<'a> Session<'a> {
             moves,
             measure,
             rows: Vec::new(),
+            has_moved: false,
+            faults: 0,
             start: Instant::now(),
             timings: Vec::new(),
             device_s: 0.0,
@@ -136,21 +146,27 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Submits several iterations, of which each ends before a command in `ends`; returns the row of the report of each, and when it ended.
+    /// Submits several iterations, of which each ends before a command in `ends`; returns the row of the report of each that was made, and when it ended.
     pub(super) fn submit_rows(
         &mut self,
         device: &mut dyn Device,
-        recording: &Recording,
+        mut recording: Recording,
         ends: &[usize],
     ) -> Result<Vec<(Report, Clock)>, DeviceError> {
         let (before, device_before) = (self.elapsed_s(), self.device_s);
-        let timings = device.run(recording)?;
         let mut words = vec![0u32; REPORT_WORDS as usize * ends.len()];
+        recording.fetch("search", &self.moves.report, 4 * words.len());
+        self.has_moved = true;
+        let timings = device.run(&recording)?;
         device.download(&self.moves.report, bytemuck::cast_slice_mut(&mut words))?;
+        // Those after the end of the rounds were not made.
+        let (rows, _) = words.as_chunks();
+        let made = rows.iter().position(|row: &Report| row[VERDICT] != GOES_ON).map_or(rows.len(), |last| last + 1);
+        let ends = &ends[..made];
         let passed = self.elapsed_s() - before;
         let device_s = |commands: &[Timing]| commands.iter().map(|timing| timing.seconds).sum::<f64>();
         let all = device_s(&timings);
-        let rows = words.as_chunks().0.iter().zip(ends).enumerate();
+        let rows = rows.iter().zip(ends).enumerate();
         let rows = rows.map(|(k, (&report, &end))| {
             let part = device_s(timings.get(..end).unwrap_or_default());
             // What the host takes is shared out among the rows like the time on the device.
@@ -163,19 +179,19 @@ impl<'a> Session<'a> {
     }
 
     /// The time now.
-    pub(super) fn clock(&self) -> Clock {
+    fn clock(&self) -> Clock {
         Clock { time_s: self.elapsed_s(), device_s: self.device_s }
     }
 
     /// The first row of the report.
-    pub(super) fn report(&self, device: &mut dyn Device) -> Result<Report, DeviceError> {
+    fn report(&self, device: &mut dyn Device) -> Result<Report, DeviceError> {
         let mut report = Report::default();
         device.download(&self.moves.report, bytemuck::cast_slice_mut(&mut report))?;
         Ok(report)
     }
 
     /// The row of an iteration after which the tree has this cost.
-    pub(super) fn push_row(
+    fn push_row(
         &mut self,
         report: &Report,
         mu: u32,
@@ -202,6 +218,30 @@ impl<'a> Session<'a> {
         self.rows.push(row);
     }
 
+    /// Adds the row of a round, if it left a tree; returns how the rounds go on.
+    pub(super) fn push_round(&mut self, report: &Report, mu: u32, ledger: &mut Ledger, clock: Clock) -> u32 {
+        if report[VERDICT] == AT_FAULT {
+            self.faults = report[FAULTS];
+        } else {
+            let cost = ledger.note(report);
+            self.push_row(report, mu, cost, &ledger.areas, ledger.scale, clock);
+        }
+        report[VERDICT]
+    }
+
+    /// Shows the rows after iteration `done`.
+    pub(super) fn observe_rows(&self, done: u32, device: &mut dyn Device, observe: Observe<'_>) -> ControlFlow<()> {
+        self.rows[done as usize + 1..].iter().try_for_each(|row| observe(row, self.tree, device))
+    }
+
+    /// Why there is no other iteration, if there is none.
+    pub(super) fn ended(&self, limits: &Limits) -> Option<StopReason> {
+        if limits.is_target(self.row().cost) {
+            return Some(StopReason::Target);
+        }
+        limits.used_up(self.row().iteration, self.elapsed())
+    }
+
     /// The row of an iteration that built a new top, after which the tree has this cost.
     pub(super) fn push_new_top(&mut self, cost: f64, visits: u32) {
         let clock = self.clock();
@@ -219,13 +259,31 @@ impl<'a> Session<'a> {
         self.rows.push(row);
     }
 
-    /// Brings the best tree back, with all boxes made anew.
+    /// Brings back the children that were kept under a number, with all boxes made anew.
     pub(super) fn restore(&mut self, device: &mut dyn Device, epoch: u32) -> Result<(), DeviceError> {
         let mut recording = Recording::new();
         self.moves.record_restore(&mut recording, self.internal, epoch);
         self.measure.record_refit(&mut recording);
         self.measure.record_no_arrivals(&mut recording);
         self.submit(device, &recording)
+    }
+
+    /// Brings the best tree back, with all boxes made anew.
+    pub(super) fn restore_best(&mut self, device: &mut dyn Device) -> Result<(), DeviceError> {
+        let mut words = [0u32; EPOCH + 1];
+        device.download(&self.moves.books, bytemuck::cast_slice_mut(&mut words))?;
+        self.restore(device, words[EPOCH])
+    }
+
+    /// Makes all boxes anew; returns the faults of a tree that is none.
+    pub(super) fn refit_all(&mut self, device: &mut dyn Device) -> Result<u32, DeviceError> {
+        let mut recording = Recording::new();
+        recording.clear("refit", &self.moves.report);
+        self.measure.record_refit(&mut recording);
+        self.measure.record_internal(&mut recording);
+        recording.fetch("refit", &self.moves.report, size_of::<Report>());
+        self.submit(device, &recording)?;
+        Ok(self.report(device)?[FAULTS])
     }
 
     /// Gives the memory back.

@@ -1,31 +1,32 @@
 //! Worst first: rounds of dual moves of the nodes that look worst, few at first and then ever more ([`prbvh_kernel::prbvh::worst`]); where they settle, new
 //! [tops](super::new_top); the broad tail at the end.
 
+use super::ledger::Ledger;
 use super::new_top;
+use super::pace::{MOST_AT_ONCE, Pace};
 use super::session::{Observe, Outcome, Session};
-use super::{Limits, PrbvhSettings, StopReason, TreeAreas, WorstFirst};
+use super::{PrbvhSettings, StopReason, TreeAreas, WorstFirst};
 use crate::build::DeviceTree;
 use crate::device::{Buffer, Device, DeviceError, Recording};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::prbvh::dual::search::{DualParams, TO_THE_ROOT};
 use prbvh_kernel::prbvh::worst::RoundParams;
 use prbvh_kernel::prbvh::worst::books::{
-    BEGIN, BEST, CLOSE, EPOCH, LIST, MOST_STAGES, OVER_FRINGE, OVER_LIST, OVER_POOL, WORST,
+    BEGIN, BEST, CLOSE, LIST, MOST_STAGES, OVER_FRINGE, OVER_LIST, OVER_POOL, RESUME, WORST,
 };
+use prbvh_kernel::prbvh::worst::verdict::{DECIDES, JUDGES};
 use prbvh_kernel::prbvh::{DUAL, PrbvhParams, ROUNDS};
-use prbvh_kernel::status::{FAULTS, FRINGE, GREW, REPORT_WORDS, SEARCHED, SHRUNK, WAITING};
-use prbvh_kernel::sum::{scale_of, to_f64};
+use prbvh_kernel::status::{AT_FAULT, GOES_ON, NOTHING_FOUND, REPORT_WORDS, SETTLED};
 
 /// Stages that unfold before the first round: nodes of a sixty-fourth of the root's area.
 const FIRST_STAGES: u32 = 4;
 /// As many times the nodes of a round should be in the pool: to look at a key costs little beside a search.
 const POOL: u32 = 16;
-/// Rounds of one submission: the first ones are short, and the host would take as long as they.
-const AT_ONCE: [u32; 4] = [6, 4, 3, 2];
-const MOST_AT_ONCE: u32 = AT_ONCE[0];
+/// The search may end after so many rounds, then after so many more, and so on; after each, in the end. The first ones are short.
+const TOGETHER: [u32; 4] = [6, 4, 3, 2];
 /// As many times the gain that counts after new tops counts before them.
 const SETTLES_BEFORE: f64 = 10.0;
-/// A part of the nodes that is so small that no round of a submission is the last.
+/// A part of the nodes that is so small that the search may end after any round.
 const FEW_OF: f64 = 256.0;
 
 pub(super) fn run(
@@ -39,13 +40,13 @@ pub(super) fn run(
     let lists = Lists::new(device, &mut session)?;
     let working_bytes = device.memory().bytes;
     let (areas, faults) = session.begin(device, areas, 1)?;
-    let best_cost = session.row().cost;
-    let mut rounds = Rounds { lists, areas, scale: scale_of(areas.root), lost: 0.0, most_lost: 0.0, best_cost };
+    let mut rounds =
+        Rounds { lists, ledger: Ledger::new(areas, tree.references), pace: Pace::new(settings.news) };
     let stop =
         if faults == 0 { rounds.run(&mut session, device, settings, observe)? } else { StopReason::Fault(faults) };
     // A tree that is none was never a best one, unless it came so.
     if matches!(stop, StopReason::Fault(_)) && faults == 0 {
-        rounds.restore(&mut session, device)?;
+        session.restore_best(device)?;
     } else {
         rounds.restore_if_worse(&mut session, device)?;
     }
@@ -87,16 +88,65 @@ struct Search {
     settles: f64,
 }
 
+/// How many nodes the rounds of a search want, and after which of them it may end: nothing of this depends on how many go in one submission.
+#[derive(Clone, Copy, Debug)]
+struct Schedule {
+    wanted: f64,
+    growth: f64,
+    most: f64,
+    internal: f64,
+    /// How often the search could have ended, and rounds until it may the next time.
+    times: usize,
+    left: u32,
+    found_nothing: bool,
+}
+
+/// A round that is planned.
+#[derive(Clone, Copy, Debug)]
+struct Round {
+    wanted: f64,
+    next: f64,
+    decides: bool,
+    /// The schedule after it.
+    after: Schedule,
+}
+
+impl Schedule {
+    fn new(search: &Search, growth: f64, internal: u32) -> Self {
+        let Search { first: wanted, most, .. } = *search;
+        Self { wanted, growth, most, internal: internal.into(), times: 0, left: 0, found_nothing: false }
+    }
+
+    /// Where nothing is to be gained, soon nobody should be left.
+    fn hurry(&mut self) {
+        self.wanted = (4.0 * self.wanted).min(self.most);
+        self.found_nothing = true;
+    }
+}
+
+impl Iterator for Schedule {
+    type Item = Round;
+
+    fn next(&mut self) -> Option<Round> {
+        if self.left == 0 {
+            let is_small = self.internal < FEW_OF * self.wanted;
+            let together = TOGETHER.get(self.times).copied().unwrap_or(1);
+            self.left = if is_small || self.found_nothing { 1 } else { together };
+            self.times += 1;
+            self.found_nothing = false;
+        }
+        self.left -= 1;
+        let wanted = self.wanted;
+        self.wanted = (wanted * self.growth).min(self.most).max(wanted);
+        Some(Round { wanted, next: self.wanted, decides: self.left == 0, after: *self })
+    }
+}
+
 #[derive(Debug)]
 struct Rounds {
     lists: Lists,
-    areas: TreeAreas,
-    scale: f32,
-    /// Area that the tree has lost so far.
-    lost: f64,
-    /// The same of the best tree, and its cost.
-    most_lost: f64,
-    best_cost: f64,
+    ledger: Ledger,
+    pace: Pace,
 }
 
 impl Rounds {
@@ -110,7 +160,7 @@ impl Rounds {
         let WorstFirst { first, most_part, tail_part, climb, slack, .. } = settings.worst_first;
         let internal = session.internal;
         let part = |part: f64| (part * f64::from(internal)).max(f64::from(first));
-        let initial_cost = self.best_cost;
+        let initial_cost = self.ledger.best_cost;
         let tops = settings.worst_first.tops(internal);
         let settles = settings.worst_first.settles;
         let worst = Search {
@@ -133,7 +183,7 @@ impl Rounds {
         }
         // Where nothing was gained so far, nothing will be.
         if !tops.is_empty()
-            && self.best_cost < initial_cost
+            && self.ledger.best_cost < initial_cost
             && let Some(stop) = self.search(session, device, settings, observe, worst)?
         {
             return Ok(stop);
@@ -148,14 +198,6 @@ impl Rounds {
         Ok(StopReason::Converged)
     }
 
-    /// Why there is no other iteration, if there is none.
-    fn ended(session: &Session<'_>, limits: &Limits) -> Option<StopReason> {
-        if limits.is_target(session.row().cost) {
-            return Some(StopReason::Target);
-        }
-        limits.used_up(session.row().iteration, session.elapsed())
-    }
-
     /// Builds a top of about so many nodes anew: an iteration in which nothing is searched. It begins with the best tree, and ends with the best tree.
     fn renew_top(
         &mut self,
@@ -165,11 +207,11 @@ impl Rounds {
         observe: Observe<'_>,
         nodes: u32,
     ) -> Result<Option<StopReason>, DeviceError> {
-        if let Some(stop) = Self::ended(session, &settings.limits) {
+        if let Some(stop) = session.ended(&settings.limits) {
             return Ok(Some(stop));
         }
         self.restore_if_worse(session, device)?;
-        let params = RoundParams { pool: nodes, ..self.params(session, 0.0, 0.0, 0) };
+        let params = RoundParams { pool: nodes, ..self.params(session, settings) };
         let mut recording = Recording::new();
         recording.clear("select", &session.moves.report);
         self.record_begin(session, &mut recording, &params, true, MOST_STAGES + 1);
@@ -179,39 +221,17 @@ impl Rounds {
         self.page(session, &mut recording, &params, BEST);
         session.submit(device, &recording)?;
 
-        self.lost = self.most_lost + renewed.decrease;
-        let cost = self.cost(session);
+        let cost = self.ledger.note_beside(renewed.decrease);
         session.push_new_top(cost, renewed.visits);
-        self.note_best(cost);
         let goes_on = observe(session.row(), session.tree, device).is_continue();
         Ok((!goes_on).then_some(StopReason::Cancelled))
-    }
-
-    /// Of the tree as it is now.
-    fn cost(&self, session: &Session<'_>) -> f64 {
-        let areas = TreeAreas { internal: self.areas.internal - self.lost, ..self.areas };
-        areas.cost(session.tree.references)
-    }
-
-    fn note_best(&mut self, cost: f64) {
-        if cost < self.best_cost {
-            self.best_cost = cost;
-            self.most_lost = self.lost;
-        }
     }
 
     /// The last tree may be worse than one before it.
     fn restore_if_worse(&self, session: &mut Session<'_>, device: &mut dyn Device) -> Result<(), DeviceError> {
         // Written so that a NaN is worse.
-        let is_best = session.rows.len() == 1 || session.row().cost <= self.best_cost;
-        if is_best { Ok(()) } else { self.restore(session, device) }
-    }
-
-    /// Brings the best tree back.
-    fn restore(&self, session: &mut Session<'_>, device: &mut dyn Device) -> Result<(), DeviceError> {
-        let mut words = [0u32; EPOCH + 1];
-        device.download(&session.moves.books, bytemuck::cast_slice_mut(&mut words))?;
-        session.restore(device, words[EPOCH])
+        let is_best = session.rows.len() == 1 || session.row().cost <= self.ledger.best_cost;
+        if is_best { Ok(()) } else { session.restore_best(device) }
     }
 
     /// Rounds until nothing is gained; the reason if that is not why it stops.
@@ -223,98 +243,78 @@ impl Rounds {
         observe: Observe<'_>,
         search: Search,
     ) -> Result<Option<StopReason>, DeviceError> {
-        let WorstFirst { growth, patience, .. } = settings.worst_first;
-        let patience = patience.max(1);
-        let mut wanted = search.first;
-        let mut idle = 0;
-        let mut settled_at = self.best_cost;
-        // What is decided between submissions is decided after the same rounds if each is one by itself.
-        let (mut batches, mut left, mut batch_found) = (0, 0, false);
-        let mut found_nothing = false;
+        let WorstFirst { growth, patience, lock_rounds, .. } = settings.worst_first;
+        let rule = RoundParams {
+            broad: (0.5 * search.most).ceil() as u32,
+            patience: patience.max(1),
+            settles: search.settles as f32,
+            ..self.params(session, settings)
+        };
+        let mut schedule = Schedule::new(&search, growth, session.internal);
+        let mut page = BEGIN;
         let begins_at = session.row().iteration;
         if begins_at == 0 && observe(session.row(), session.tree, device).is_break() {
             return Ok(Some(StopReason::Cancelled));
         }
         loop {
             let done = session.row().iteration;
-            if let Some(stop) = Self::ended(session, &settings.limits) {
+            if let Some(stop) = session.ended(&settings.limits) {
                 return Ok(Some(stop));
             }
-            // Whoever asks for an early end does not want a round more than that takes.
-            let Limits { max_time, target_cost, .. } = settings.limits;
-            let row_by_row = settings.worst_first.row_by_row || max_time.is_some() || target_cost.is_some();
-            if left == 0 {
-                let is_small = f64::from(session.internal) < FEW_OF * wanted;
-                left = if is_small || found_nothing { 1 } else { AT_ONCE.get(batches).copied().unwrap_or(1) };
-                batches += 1;
-                batch_found = false;
-            }
-            let at_once = if row_by_row { 1 } else { left.min(settings.limits.max_iterations - done) };
-            left -= at_once;
+            let searched = schedule.map(|round| round.wanted);
+            let count = self.pace.rounds(searched, &settings.limits, done, session.elapsed());
+            let rounds: Vec<Round> = schedule.take(count as usize).collect();
+
             let mut recording = Recording::new();
             recording.clear("select", &session.moves.report);
+            if page == RESUME {
+                self.page(session, &mut recording, &RoundParams { page, ..rule }, RESUME);
+            }
             let mut ends = Vec::new();
-            for k in 0..at_once {
-                let next = (wanted * growth).min(search.most).max(wanted);
-                let params = self.params(session, wanted, next, k);
-                if done == begins_at && k == 0 {
+            for (k, round) in (0..).zip(&rounds) {
+                let params = RoundParams {
+                    row: k * REPORT_WORDS,
+                    wanted: round.wanted as u32,
+                    pool: (round.next as u32).saturating_mul(POOL),
+                    ..rule
+                };
+                if page == BEGIN && k == 0 {
                     self.record_begin(session, &mut recording, &params, done > 0, FIRST_STAGES);
                 }
-                self.record_round(session, &mut recording, &params, &search, settings.worst_first.lock_rounds);
+                let decides = if round.decides { DECIDES } else { 0 };
+                let params = RoundParams { flags: JUDGES | decides, ..params };
+                self.record_round(session, &mut recording, &params, &search, lock_rounds);
                 ends.push(recording.commands().len());
-                wanted = next;
             }
-            let reports = session.submit_rows(device, &recording, &ends)?;
-            let before = session.rows.len();
+            let start = session.elapsed_s();
+            let reports = session.submit_rows(device, recording, &ends)?;
+            let made = &rounds[..reports.len()];
+            let wanted = made.iter().map(|round| round.wanted).sum();
+            self.pace.note(made.len(), wanted, session.elapsed_s() - start);
+            if let Some(last) = made.last() {
+                schedule = last.after;
+            }
+            let mut verdict = GOES_ON;
             for (report, clock) in reports {
-                if report[FAULTS] != 0 {
-                    return Ok(Some(StopReason::Fault(report[FAULTS])));
-                }
-                let change = |word| to_f64(report[word], report[word + 1], self.scale);
-                self.lost += change(SHRUNK) - change(GREW);
-                let cost = self.cost(session);
-                session.push_row(&report, 1, cost, &self.areas, self.scale, clock);
-                self.note_best(cost);
-                // A round of few nodes may gain nothing, and the next one much; unless there are no more.
-                let is_broad = f64::from(report[SEARCHED]) >= 0.5 * search.most || report[FRINGE] == 0;
-                if cost < settled_at * (1.0 - search.settles) {
-                    settled_at = cost;
-                    idle = 0;
-                } else if is_broad && report[SEARCHED] > 0 {
-                    idle += 1;
-                }
-                if report[SEARCHED] + report[WAITING] + report[FRINGE] == 0 {
-                    idle = patience;
-                }
-            }
-            // Where nothing is to be gained, soon nobody should be left.
-            batch_found |= session.rows[before..].iter().any(|row| row.found > 0);
-            found_nothing = left == 0 && !batch_found;
-            if found_nothing {
-                wanted = (4.0 * wanted).min(search.most);
+                verdict = session.push_round(&report, 1, &mut self.ledger, clock);
             }
             // The tree is that of the last row.
-            if session.rows[before..].iter().any(|row| observe(row, session.tree, device).is_break()) {
+            if session.observe_rows(done, device, observe).is_break() {
                 return Ok(Some(StopReason::Cancelled));
             }
-            if left == 0 && idle >= patience {
-                return Ok(None);
+            match verdict {
+                AT_FAULT => return Ok(Some(StopReason::Fault(session.faults))),
+                SETTLED => return Ok(None),
+                NOTHING_FOUND => schedule.hurry(),
+                _ => {}
             }
+            page = if verdict == GOES_ON { CLOSE } else { RESUME };
         }
     }
 
-    /// Of the `k`-th round of a submission.
-    fn params(&self, session: &Session<'_>, wanted: f64, next: f64, k: u32) -> RoundParams {
-        RoundParams {
-            count: session.internal,
-            nodes: session.node_count,
-            root_area: self.areas.root as f32,
-            scale: self.scale,
-            row: k * REPORT_WORDS,
-            page: 0,
-            wanted: wanted as u32,
-            pool: (next as u32).saturating_mul(POOL),
-        }
+    /// Of a round that wants nothing.
+    fn params(&self, session: &Session<'_>, settings: &PrbvhSettings) -> RoundParams {
+        RoundParams { count: session.internal, nodes: session.node_count, ..self.ledger.params(&settings.limits) }
     }
 
     /// Records that the pool is empty and unfolds the top of the tree, in so many stages or until the pool is full.

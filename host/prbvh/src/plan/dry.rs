@@ -3,7 +3,7 @@
 use super::{Omission, PhaseBytes};
 use crate::build::{self, Codes, DeviceTree};
 use crate::collapse;
-use crate::device::{Buffer, Command, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
+use crate::device::{Buffer, Command, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing, Traffic};
 use crate::optimize::{Limits, PrbvhSettings, prbvh};
 use crate::settings::Initial;
 use crate::trace::TraceScene;
@@ -193,6 +193,10 @@ impl Device for DryDevice {
 
     fn memory(&self) -> MemoryUse {
         self.memory
+    }
+
+    fn traffic(&self) -> Traffic {
+        Traffic { dispatches: self.dispatches, ..Traffic::default() }
     }
 }
 

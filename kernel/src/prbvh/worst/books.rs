@@ -1,8 +1,9 @@
-//! What one invocation does between the dispatches of many: lengths of lists, the worst keys, the sum of the areas.
+//! What one invocation does between the dispatches of many: lengths of lists, the worst keys, the sum of the areas, whether there is another round.
 //!
-//! Kind: a single invocation, on one of four [pages](RoundParams::page).
+//! Kind: a single invocation, on one of the [pages](RoundParams::page).
 
 use super::RoundParams;
+use super::verdict;
 use crate::grid;
 use crate::math::{umax, umin};
 use crate::mem::{AtomicU32, Slot};
@@ -45,8 +46,18 @@ pub const LOST: usize = 24;
 pub const MOST_LOST: usize = 26;
 /// The first of these parts.
 pub const TURN: usize = 28;
+/// Rounds since the last progress.
+pub const IDLE: usize = 29;
+/// Whether something was found in the rounds since the last one in which the search may end.
+pub const HAS_FOUND: usize = 30;
+/// Whether the rounds have ended: no page is written, and lists count as empty, until the next [`RESUME`] or [`BEGIN`].
+pub const STOPPED: usize = 31;
+/// Two words: [`LOST`] at the last progress.
+pub const PROGRESS: usize = 32;
+/// Two words: [`LOST`] a round ago.
+pub const LAST_LOST: usize = 34;
 /// Keys in each bucket.
-pub const HISTOGRAM: usize = 32;
+pub const HISTOGRAM: usize = 36;
 /// Buckets.
 pub const BUCKETS: u32 = 256;
 /// Parts that a bucket can be cut into.
@@ -68,23 +79,29 @@ pub const LIST: u32 = 2;
 pub const CLOSE: u32 = 3;
 /// Page of a new best tree that others have measured.
 pub const BEST: u32 = 4;
+/// Page on which rounds that have ended go on.
+pub const RESUME: u32 = 5;
 
 /// Writes the page `params.page`.
 #[inline(always)]
 pub fn books(params: &RoundParams, books: &[AtomicU32], fringe: &[Slot<u32>], report: &[AtomicU32]) {
     if params.page == BEGIN {
         begin(params, books, fringe);
+    } else if params.page == RESUME {
+        resume(params, books);
+    } else if params.page == BEST {
+        Sum::load(books, LOST).store(books, MOST_LOST);
+        books[EPOCH].add(1);
+    } else if books[STOPPED].load() != 0 {
+        // Nothing follows the end.
     } else if params.page == WORST {
         worst(params, books, report);
     } else if params.page == LIST {
         let length = books[LIST_LENGTH].load();
         run_over(books, OVER_LIST, length);
         report[params.row as usize + SEARCHED].store(length);
-    } else if params.page == CLOSE {
-        close(params, books, report);
     } else {
-        Sum::load(books, LOST).store(books, MOST_LOST);
-        books[EPOCH].add(1);
+        close(params, books, report);
     }
 }
 
@@ -117,6 +134,12 @@ fn begin(params: &RoundParams, books: &[AtomicU32], fringe: &[Slot<u32>]) {
     if books[EPOCH].load() == 0 {
         books[EPOCH].store(1);
     }
+    books[IDLE].store(0);
+    books[HAS_FOUND].store(0);
+    books[STOPPED].store(0);
+    Sum::load(books, MOST_LOST).store(books, PROGRESS);
+    Sum::load(books, LOST).store(books, LAST_LOST);
+    run_over(books, OVER_LIST, params.listed);
     // A tree of one node has no fringe.
     if params.places() > 0 {
         fringe[0].set(ROOT);
@@ -124,6 +147,20 @@ fn begin(params: &RoundParams, books: &[AtomicU32], fringe: &[Slot<u32>]) {
         books[UNFOLDS].store(1);
         run_over(books, OVER_FRINGE, 1);
     }
+}
+
+/// Lists are as long again as they are.
+#[inline(always)]
+fn resume(params: &RoundParams, books: &[AtomicU32]) {
+    books[STOPPED].store(0);
+    if params.has(verdict::PUBLISHED) {
+        books[IDLE].store(0);
+    }
+    run_over(books, OVER_LIST, params.listed);
+    let unfolds = books[UNFOLDS].load() != 0;
+    let fringe = books[FRINGE_LENGTH + books[FRINGE_SIDE].load() as usize].load();
+    run_over(books, OVER_FRINGE, if unfolds { fringe } else { 0 });
+    run_over(books, OVER_POOL, books[POOL_LENGTH + books[POOL_SIDE].load() as usize].load().div_ceil(CHUNK));
 }
 
 /// Finds the bucket down to which keys are among the worst; empties the histogram.
@@ -200,4 +237,10 @@ fn close(params: &RoundParams, books: &[AtomicU32], report: &[AtomicU32]) {
     run_over(books, OVER_FRINGE, if unfolds { fringe } else { 0 });
     run_over(books, OVER_POOL, pool.div_ceil(CHUNK));
     report[row + FRINGE].store(fringe);
+    if params.has(verdict::JUDGES) && verdict::judge(params, lost, books, report) {
+        books[STOPPED].store(1);
+        run_over(books, OVER_POOL, 0);
+        run_over(books, OVER_FRINGE, 0);
+        run_over(books, OVER_LIST, 0);
+    }
 }

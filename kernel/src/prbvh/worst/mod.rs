@@ -35,6 +35,7 @@ pub mod keys;
 pub mod refit;
 pub mod select;
 pub mod unfold;
+pub mod verdict;
 
 use super::Move;
 use super::dual::search::{self, DualParams};
@@ -62,6 +63,22 @@ pub struct RoundParams {
     pub wanted: u32,
     /// As many nodes as should be in the pool for the next round.
     pub pool: u32,
+    /// Nodes on a list that the host knows, as in the published order.
+    pub listed: u32,
+    /// Of [`verdict`]: [`JUDGES`](verdict::JUDGES) and the like.
+    pub flags: u32,
+    /// A round that searches as many nodes counts where it makes no progress.
+    pub broad: u32,
+    /// So many rounds without progress end the search.
+    pub patience: u32,
+    /// What counts as progress, as a part of the cost at the last one.
+    pub settles: f32,
+    /// The cost of the first tree in the unit of the sums.
+    pub total: f32,
+    /// A change that counts as none, in the unit of the sums.
+    pub epsilon: f32,
+    /// A [`Sum`](crate::sum::Sum): so much is lost at the cost that was asked for.
+    pub target: [u32; 2],
 }
 
 impl RoundParams {
@@ -70,6 +87,13 @@ impl RoundParams {
     #[must_use]
     pub fn places(&self) -> u32 {
         self.nodes / 2
+    }
+
+    /// Whether a flag is set.
+    #[inline(always)]
+    #[must_use]
+    pub fn has(&self, flag: u32) -> bool {
+        self.flags & flag != 0
     }
 }
 

@@ -7,8 +7,6 @@ use super::keys::{COLD, IN_POOL, ON_FRINGE, STALE, fresh, measure, measure_of, p
 use crate::mem::{AtomicU32, Slot};
 use crate::node::{AtomicNode, Links, NO_NODE, Node, ROOT};
 use crate::prbvh::{Move, PrbvhParams, paths};
-use crate::status::{self, GREW, MARKED, REFITTED, SHRUNK};
-use crate::sum::Sum;
 
 /// Invocation `i` marks the ways up from the move `found[i]`, and sees to it that the nodes whose children changed get new keys. Those at which nobody has
 /// looked go on the fringe, and so do their children: the walk that would have come by may not find them any more. (A child may be one whose children
@@ -54,8 +52,7 @@ pub fn mark(
                 }
             }
         }
-        let marked = paths::mark(i, params, found, nodes, ways);
-        status::count(report, params.row, MARKED, marked);
+        paths::mark(i, params, found, nodes, ways, report);
     }
 }
 
@@ -74,32 +71,21 @@ pub fn refit(
     books: &[AtomicU32],
     report: &[AtomicU32],
 ) {
-    if found[i as usize].get().has_won() {
-        let places = params.nodes / 2;
-        let side = books[POOL_SIDE].load();
-        let length = &books[POOL_LENGTH + side as usize];
-        let mut shrunk = Sum::ZERO;
-        let mut grew = Sum::ZERO;
-        let completed = paths::refit(i, params, found, nodes, ways, |v, old, left, right| {
-            let area = left.union(right).half_area();
-            let change = old.half_area() - area;
-            shrunk = shrunk.plus(Sum::of(change, params.scale));
-            grew = grew.plus(Sum::of(-change, params.scale));
-            if v != ROOT {
-                let old_key = keys[v as usize].load();
-                let new_measure = measure(area, left.half_area(), right.half_area());
-                if measure_of(old_key) != new_measure {
-                    let mut key = fresh(new_measure) | (old_key & IN_POOL);
-                    if waits(key) && old_key & IN_POOL == 0 {
-                        key |= IN_POOL;
-                        push(pool, places, side, length, v);
-                    }
-                    keys[v as usize].store(key);
+    let places = params.nodes / 2;
+    let side = books[POOL_SIDE].load();
+    let length = &books[POOL_LENGTH + side as usize];
+    paths::refit(i, params, found, nodes, ways, report, |v, area, left, right| {
+        if v != ROOT {
+            let old_key = keys[v as usize].load();
+            let new_measure = measure(area, left.half_area(), right.half_area());
+            if measure_of(old_key) != new_measure {
+                let mut key = fresh(new_measure) | (old_key & IN_POOL);
+                if waits(key) && old_key & IN_POOL == 0 {
+                    key |= IN_POOL;
+                    push(pool, places, side, length, v);
                 }
+                keys[v as usize].store(key);
             }
-        });
-        status::count(report, params.row, REFITTED, completed);
-        shrunk.add_to(report, params.row as usize + SHRUNK);
-        grew.add_to(report, params.row as usize + GREW);
-    }
+        }
+    });
 }

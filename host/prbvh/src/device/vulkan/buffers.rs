@@ -6,8 +6,8 @@ use crate::device::{Buffer, DeviceError, MemoryUse};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Allocations beside the buffers: the staging buffer and, while it grows, its successor.
-const OTHER_ALLOCATIONS: u64 = 2;
+/// Allocations beside the buffers: the staging buffer, that of fetched bytes and, while one grows, its successor.
+const OTHER_ALLOCATIONS: u64 = 3;
 
 /// The buffers of a device.
 pub(super) struct Buffers {

@@ -8,6 +8,7 @@ use ash::vk;
 use std::sync::Arc;
 
 /// Buffers of a dispatch: its set layout, and handle and bytes of each buffer in the order of the bindings.
+#[derive(PartialEq)]
 pub(super) struct Bindings {
     pub(super) layout: vk::DescriptorSetLayout,
     pub(super) buffers: Vec<(vk::Buffer, u64)>,
@@ -33,7 +34,7 @@ impl DescriptorSets {
         Ok(Self { device: Arc::clone(device), pool: pool(device, capacity)?, capacity })
     }
 
-    /// A set for each dispatch, valid until the next call. The layouts and buffers must be alive, the device at rest.
+    /// A set for each of the bindings, valid until the next call. The layouts and buffers must be alive, the device at rest.
     pub(super) fn make(&mut self, dispatches: &[Bindings]) -> Result<Vec<vk::DescriptorSet>, DeviceError> {
         if dispatches.is_empty() {
             return Ok(Vec::new());

@@ -132,6 +132,11 @@ impl Allocation {
         self.bytes
     }
 
+    /// Whether the host can reach the content.
+    pub(super) fn is_mapped(&self) -> bool {
+        self.mapping.is_some()
+    }
+
     /// The content, where the host can reach it. The device must have written it before, if only zeros.
     pub(super) fn mapped(&mut self) -> Option<&mut [u8]> {
         let length = usize::try_from(self.bytes).ok()?;

@@ -7,7 +7,7 @@
 //! | `logical`, `objects` | an opened device, and Vulkan objects that destroy themselves |
 //! | `memory`, `buffers`, `staging` | buffers, and bytes on their way to and from them |
 //! | `shaders`, `pipeline`, `cache` | SPIR-V → pipelines, kept between runs of the program |
-//! | `run`, `descriptors`, `timestamps`, `submit` | a recording → one submission |
+//! | `run`, `descriptors`, `timestamps`, `submit`, `fetched` | a recording → one submission, with what goes before it and comes back with it |
 //!
 //! The device is at rest whenever no call of this module runs: every submission is waited for.
 #![allow(unsafe_code, reason = "every Vulkan call is unsafe; each block is one call and says why it is right")]
@@ -16,6 +16,7 @@ mod buffers;
 mod cache;
 mod descriptors;
 mod error;
+mod fetched;
 mod instance;
 mod limits;
 mod logical;
@@ -35,8 +36,7 @@ mod timestamps;
 pub use limits::{DeviceSummary, Missing};
 
 use super::Selection;
-use super::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
-use ash::vk;
+use super::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing, Traffic};
 use buffers::Buffers;
 use cache::StoredCache;
 use instance::Instance;
@@ -67,6 +67,7 @@ pub struct VulkanDevice {
     staging: Staging,
     buffers: Buffers,
     submitter: Submitter,
+    traffic: Traffic,
     device: Arc<LogicalDevice>,
 }
 
@@ -101,6 +102,7 @@ impl VulkanDevice {
             staging: Staging::new(&device)?,
             buffers: Buffers::new(&device, options.access),
             submitter: Submitter::new(&device)?,
+            traffic: Traffic::default(),
             device,
         };
         opened.validated(Ok(()))?;
@@ -129,22 +131,21 @@ impl VulkanDevice {
         element_bytes: usize,
     ) -> Result<Buffer, DeviceError> {
         let (buffer, allocation) = self.buffers.allocate(label, length, element_bytes)?;
+        self.traffic.allocations += 1;
         if allocation.zero() {
             return Ok(buffer);
         }
-        let raw = allocation.buffer();
-        let cleared = self.submitter.submit(|device, commands| {
-            // SAFETY: the buffer is alive and of this device.
-            unsafe { device.cmd_fill_buffer(commands, raw, 0, vk::WHOLE_SIZE, 0) };
-        });
-        if cleared.is_err() {
+        let zeroed = self.submitter.zero_first(allocation.buffer());
+        if zeroed.is_err() {
             self.buffers.free(&buffer);
         }
-        cleared.map(|()| buffer)
+        zeroed.map(|()| buffer)
     }
 
     fn copy_in(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
         let allocation = self.buffers.find_mut(buffer, bytes.len())?;
+        self.traffic.bytes_in += bytes.len() as u64;
+        self.runner.forget_fetched();
         if let Some(content) = allocation.mapped() {
             content[..bytes.len()].copy_from_slice(bytes);
             return Ok(());
@@ -154,8 +155,13 @@ impl VulkanDevice {
 
     fn copy_out(&mut self, buffer: &Buffer, first: usize, bytes: &mut [u8]) -> Result<(), DeviceError> {
         let allocation = self.buffers.find_mut(buffer, first.saturating_add(bytes.len()))?;
+        self.traffic.bytes_out += bytes.len() as u64;
         if let Some(content) = allocation.mapped() {
             bytes.copy_from_slice(&content[first..][..bytes.len()]);
+            return Ok(());
+        }
+        if let Some(content) = self.runner.fetched(allocation.buffer(), first, bytes.len()) {
+            bytes.copy_from_slice(content);
             return Ok(());
         }
         self.staging.download(&mut self.submitter, (allocation.buffer(), first as u64), bytes)
@@ -183,6 +189,10 @@ impl Device for VulkanDevice {
     }
 
     fn free(&mut self, buffer: Buffer) {
+        if let Ok(allocation) = self.buffers.find(&buffer) {
+            self.submitter.forget(allocation.buffer());
+            self.runner.forget_fetched();
+        }
         self.buffers.free(&buffer);
     }
 
@@ -197,11 +207,16 @@ impl Device for VulkanDevice {
     }
 
     fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
+        self.traffic.note(recording);
         let timings = self.runner.run(&mut self.submitter, &self.buffers, recording);
         self.validated(timings)
     }
 
     fn memory(&self) -> MemoryUse {
         self.buffers.memory()
+    }
+
+    fn traffic(&self) -> Traffic {
+        Traffic { submissions: self.submitter.submissions(), ..self.traffic }
     }
 }

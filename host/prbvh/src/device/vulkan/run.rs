@@ -2,6 +2,7 @@
 
 use super::buffers::Buffers;
 use super::descriptors::{Bindings, DescriptorSets};
+use super::fetched::Fetched;
 use super::logical::LogicalDevice;
 use super::pipeline::{Handles, Pipelines};
 use super::submit::{Submitter, barrier_between};
@@ -16,13 +17,14 @@ pub(super) struct Runner {
     pipelines: Pipelines,
     sets: DescriptorSets,
     timestamps: Option<Timestamps>,
+    fetched: Fetched,
 }
 
 /// A command with its handles, all alive until the run has ended.
 enum Step<'a> {
     Dispatch { handles: Handles, set: usize, push: &'a [u8], groups: Groups },
     Clear(vk::Buffer),
-    Copy { from: vk::Buffer, to: vk::Buffer, bytes: u64 },
+    Copy { from: vk::Buffer, to: vk::Buffer, region: vk::BufferCopy },
     Nothing,
 }
 
@@ -37,7 +39,18 @@ enum Groups {
 impl Runner {
     /// Nothing run yet.
     pub(super) fn new(device: &Arc<LogicalDevice>, pipelines: Pipelines) -> Result<Self, DeviceError> {
-        Ok(Self { pipelines, sets: DescriptorSets::new(device)?, timestamps: Timestamps::new(device, 64)? })
+        let (sets, timestamps) = (DescriptorSets::new(device)?, Timestamps::new(device, 64)?);
+        Ok(Self { pipelines, sets, timestamps, fetched: Fetched::new(device)? })
+    }
+
+    /// Bytes that the last run fetched, if nothing has changed since.
+    pub(super) fn fetched(&mut self, from: vk::Buffer, first: usize, bytes: usize) -> Option<&[u8]> {
+        self.fetched.get(from, first, bytes)
+    }
+
+    /// Says that a buffer changes or ends without a run.
+    pub(super) fn forget_fetched(&mut self) {
+        self.fetched.forget();
     }
 
     /// The pipeline of a kernel, made if it was not.
@@ -62,6 +75,7 @@ impl Runner {
         if commands.is_empty() {
             return Ok(Vec::new());
         }
+        self.fetched.reserve(buffers, commands)?;
         let mut bindings = Vec::new();
         let steps: Vec<_> =
             commands.iter().map(|(_, command)| self.step(buffers, command, &mut bindings)).collect::<Result<_, _>>()?;
@@ -72,7 +86,7 @@ impl Runner {
         }
 
         let timestamps = self.timestamps.as_ref();
-        submitter.submit(|device, commands| {
+        let ran = submitter.submit(|device, commands| {
             if let Some(timestamps) = timestamps {
                 timestamps.begin(device, commands, stamps);
             }
@@ -85,7 +99,11 @@ impl Runner {
                     timestamps.take(device, commands, stamp);
                 }
             }
-        })?;
+        });
+        if ran.is_err() {
+            self.fetched.forget();
+        }
+        ran?;
 
         let seconds = match timestamps {
             Some(timestamps) => timestamps.seconds(stamps)?,
@@ -109,7 +127,15 @@ impl Runner {
                 if from == to || source.bytes() == 0 {
                     Step::Nothing
                 } else {
-                    Step::Copy { from: source.buffer(), to: target.buffer(), bytes: source.bytes() }
+                    let region = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: source.bytes() };
+                    Step::Copy { from: source.buffer(), to: target.buffer(), region }
+                }
+            }
+            Command::Fetch { from, bytes } => {
+                let source = buffers.find(from)?;
+                match self.fetched.place(source, *bytes) {
+                    Some((to, region)) => Step::Copy { from: source.buffer(), to, region },
+                    None => Step::Nothing,
                 }
             }
         })
@@ -130,8 +156,12 @@ impl Runner {
             return Ok(Step::Nothing);
         }
         let handles = self.pipeline(dispatch.kernel)?;
-        bindings.push(Bindings { layout: handles.set_layout, buffers: bound });
-        let set = bindings.len() - 1;
+        let own = Bindings { layout: handles.set_layout, buffers: bound };
+        // The rounds of a submission bind the same again and again.
+        let set = bindings.iter().position(|bindings| *bindings == own).unwrap_or(bindings.len());
+        if set == bindings.len() {
+            bindings.push(own);
+        }
         let groups = match &dispatch.counted {
             None => Groups::Of(grid::workgroups(dispatch.count)),
             Some(counted) => Groups::In(buffers.find(&counted.buffer)?.buffer(), 4 * (counted.word as u64 + 1)),
@@ -169,9 +199,8 @@ impl Step<'_> {
                 // SAFETY: the command buffer is being recorded; the buffer lives until the run has ended.
                 unsafe { device.cmd_fill_buffer(commands, buffer, 0, vk::WHOLE_SIZE, 0) };
             }
-            Self::Copy { from, to, bytes } => {
-                let region = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: bytes };
-                // SAFETY: two different buffers of this size, which live until the run has ended.
+            Self::Copy { from, to, region } => {
+                // SAFETY: the region lies in two different buffers, which live until the run has ended.
                 unsafe { device.cmd_copy_buffer(commands, from, to, &[region]) };
             }
             Self::Nothing => {}

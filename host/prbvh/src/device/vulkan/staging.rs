@@ -16,28 +16,35 @@ const MAX_BYTES: u64 = 64 << 20;
 pub(super) struct Staging {
     device: Arc<LogicalDevice>,
     window: Allocation,
+    /// Bytes at the start that wait for a submission, unless there was one since.
+    used: usize,
+    /// Submissions before the first of these bytes came.
+    since: u64,
 }
 
 impl Staging {
     /// A small staging buffer.
     pub(super) fn new(device: &Arc<LogicalDevice>) -> Result<Self, DeviceError> {
-        Ok(Self { device: Arc::clone(device), window: window(device, FIRST_BYTES)? })
+        Ok(Self { device: Arc::clone(device), window: window(device, FIRST_BYTES)?, used: 0, since: 0 })
     }
 
-    /// Copies `bytes` to the start of a buffer, which is at least as large.
+    /// Copies `bytes` to the start of a buffer, which is at least as large, before the next submission's work.
     pub(super) fn upload(
         &mut self,
         submitter: &mut Submitter,
         to: vk::Buffer,
         bytes: &[u8],
     ) -> Result<(), DeviceError> {
-        let size = self.reserve(bytes.len())?;
-        let mut offset = 0;
-        for piece in bytes.chunks(size) {
-            self.window()?[..piece.len()].copy_from_slice(piece);
-            let region = vk::BufferCopy { src_offset: 0, dst_offset: offset, size: piece.len() as u64 };
-            copy(submitter, self.window.buffer(), to, region)?;
-            offset += piece.len() as u64;
+        let mut done = 0;
+        while done < bytes.len() {
+            let at = self.reserve(submitter, bytes.len() - done)?;
+            let window = self.window()?;
+            let size = (window.len() - at).min(bytes.len() - done);
+            window[at..][..size].copy_from_slice(&bytes[done..][..size]);
+            let region = vk::BufferCopy { src_offset: at as u64, dst_offset: done as u64, size: size as u64 };
+            submitter.copy_first(self.window.buffer(), to, region)?;
+            self.used = at + size;
+            done += size;
         }
         Ok(())
     }
@@ -46,26 +53,42 @@ impl Staging {
     pub(super) fn download(
         &mut self,
         submitter: &mut Submitter,
-        (from, mut offset): (vk::Buffer, u64),
+        (from, first): (vk::Buffer, u64),
         bytes: &mut [u8],
     ) -> Result<(), DeviceError> {
-        let size = self.reserve(bytes.len())?;
-        for piece in bytes.chunks_mut(size) {
-            let region = vk::BufferCopy { src_offset: offset, dst_offset: 0, size: piece.len() as u64 };
-            copy(submitter, from, self.window.buffer(), region)?;
-            piece.copy_from_slice(&self.window()?[..piece.len()]);
-            offset += piece.len() as u64;
+        let mut done = 0;
+        while done < bytes.len() {
+            let at = self.reserve(submitter, bytes.len() - done)?;
+            let size = (self.window()?.len() - at).min(bytes.len() - done);
+            let region =
+                vk::BufferCopy { src_offset: first + done as u64, dst_offset: at as u64, size: size as u64 };
+            let to = self.window.buffer();
+            submitter.submit(|device, commands| {
+                // SAFETY: the region lies in both buffers, which are alive and of this device.
+                unsafe { device.cmd_copy_buffer(commands, from, to, &[region]) };
+            })?;
+            bytes[done..][..size].copy_from_slice(&self.window()?[at..][..size]);
+            done += size;
         }
         Ok(())
     }
 
-    /// Makes room for `bytes` bytes or for as many as there may be; returns how many go at a time.
-    fn reserve(&mut self, bytes: usize) -> Result<usize, DeviceError> {
+    /// Makes room for `bytes` bytes, or for as many as there may be; returns where it begins.
+    fn reserve(&mut self, submitter: &mut Submitter, bytes: usize) -> Result<usize, DeviceError> {
+        if self.since != submitter.submissions() {
+            self.used = 0;
+        }
         let wanted = (bytes as u64).next_power_of_two().min(MAX_BYTES);
-        if wanted > self.window.bytes() {
+        let grows = wanted > self.window.bytes();
+        if grows || self.used as u64 + wanted.min(bytes as u64) > self.window.bytes() {
+            submitter.flush()?;
+            self.used = 0;
+        }
+        if grows {
             self.window = window(&self.device, wanted)?;
         }
-        Ok(self.window()?.len())
+        self.since = submitter.submissions();
+        Ok(self.used)
     }
 
     fn window(&mut self) -> Result<&mut [u8], DeviceError> {
@@ -77,16 +100,4 @@ fn window(device: &Arc<LogicalDevice>, bytes: u64) -> Result<Allocation, DeviceE
     let mut window = Allocation::new(device, "the staging buffer", bytes, Purpose::Staging)?;
     window.zero();
     Ok(window)
-}
-
-fn copy(
-    submitter: &mut Submitter,
-    from: vk::Buffer,
-    to: vk::Buffer,
-    region: vk::BufferCopy,
-) -> Result<(), DeviceError> {
-    submitter.submit(|device, commands| {
-        // SAFETY: the region lies in both buffers, which are alive and of this device.
-        unsafe { device.cmd_copy_buffer(commands, from, to, &[region]) };
-    })
 }

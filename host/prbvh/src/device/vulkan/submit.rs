@@ -1,4 +1,7 @@
 //! Hands work to the queue and waits for its end.
+//!
+//! What only has to be done before the next work, zeros and bytes from the host, waits for it and goes in front: a submission by itself costs more than
+//! most of these take.
 
 use super::error::{Call, failed};
 use super::logical::LogicalDevice;
@@ -21,6 +24,23 @@ pub(super) struct Submitter {
     pool: CommandPool,
     commands: vk::CommandBuffer,
     fence: Fence,
+    first: Vec<First>,
+    submissions: u64,
+}
+
+/// What goes in front of the next work.
+#[derive(Clone, Copy)]
+enum First {
+    Zero(vk::Buffer),
+    Copy { from: vk::Buffer, to: vk::Buffer, region: vk::BufferCopy },
+}
+
+impl First {
+    fn target(self) -> vk::Buffer {
+        match self {
+            Self::Zero(buffer) | Self::Copy { to: buffer, .. } => buffer,
+        }
+    }
 }
 
 impl Submitter {
@@ -39,15 +59,57 @@ impl Submitter {
         let commands = unsafe { device.raw().allocate_command_buffers(&info) }.call("vkAllocateCommandBuffers")?[0];
         // SAFETY: a fence takes no parameters.
         let fence = unsafe { Fence::new(device, &vk::FenceCreateInfo::default()) }?;
-        Ok(Self { device: Arc::clone(device), pool, commands, fence })
+        Ok(Self { device: Arc::clone(device), pool, commands, fence, first: Vec::new(), submissions: 0 })
+    }
+
+    /// How many submissions there were.
+    pub(super) fn submissions(&self) -> u64 {
+        self.submissions
+    }
+
+    /// Has a buffer zeroed before the next work. It must live until then or until [`Submitter::forget`].
+    pub(super) fn zero_first(&mut self, buffer: vk::Buffer) -> Result<(), DeviceError> {
+        self.put_first(First::Zero(buffer))
+    }
+
+    /// Has bytes copied before the next work. Both buffers must live until then, or the target until [`Submitter::forget`]; the region lies in both.
+    pub(super) fn copy_first(
+        &mut self,
+        from: vk::Buffer,
+        to: vk::Buffer,
+        region: vk::BufferCopy,
+    ) -> Result<(), DeviceError> {
+        self.put_first(First::Copy { from, to, region })
+    }
+
+    fn put_first(&mut self, first: First) -> Result<(), DeviceError> {
+        self.check()?;
+        self.first.push(first);
+        Ok(())
+    }
+
+    /// Whether anything can still be done.
+    fn check(&self) -> Result<(), DeviceError> {
+        if self.device.is_abandoned() { Err(failed(WAIT, vk::Result::TIMEOUT)) } else { Ok(()) }
+    }
+
+    /// Leaves out what was to be done first with a buffer that is about to end.
+    pub(super) fn forget(&mut self, buffer: vk::Buffer) {
+        self.first.retain(|first| first.target() != buffer);
+    }
+
+    /// Does what is to be done first.
+    pub(super) fn flush(&mut self) -> Result<(), DeviceError> {
+        if self.first.is_empty() { Ok(()) } else { self.submit(|_, _| {}) }
     }
 
     /// Records commands, runs them and returns after their end. They see what the host and earlier submissions wrote, and the
     /// host sees what they wrote.
     pub(super) fn submit(&mut self, record: impl FnOnce(&ash::Device, vk::CommandBuffer)) -> Result<(), DeviceError> {
-        if self.device.is_abandoned() {
-            return Err(failed(WAIT, vk::Result::TIMEOUT));
-        }
+        self.check()?;
+        self.submissions += 1;
+        // Whatever becomes of the submission: nothing is done twice.
+        let first = std::mem::take(&mut self.first);
         let (device, commands) = (self.device.raw(), self.commands);
         // SAFETY: the last submission has ended: `submit` returns after its end.
         unsafe { device.reset_command_pool(self.pool.raw(), vk::CommandPoolResetFlags::empty()) }
@@ -56,6 +118,7 @@ impl Submitter {
         // SAFETY: the command buffer was just reset.
         unsafe { device.begin_command_buffer(commands, &info) }.call("vkBeginCommandBuffer")?;
         barrier(device, commands, BEFORE_ALL);
+        record_first(device, commands, &first);
         record(device, commands);
         barrier(device, commands, AFTER_ALL);
         // SAFETY: the command buffer is being recorded.
@@ -90,6 +153,31 @@ impl Submitter {
                 }
             }
         }
+    }
+}
+
+/// In their order where they have the same target.
+fn record_first(device: &ash::Device, commands: vk::CommandBuffer, all: &[First]) {
+    let mut targets = Vec::new();
+    for &first in all {
+        if targets.contains(&first.target()) {
+            barrier_between(device, commands);
+            targets.clear();
+        }
+        targets.push(first.target());
+        match first {
+            First::Zero(buffer) => {
+                // SAFETY: the command buffer is being recorded; the buffer is alive, as `zero_first` asks.
+                unsafe { device.cmd_fill_buffer(commands, buffer, 0, vk::WHOLE_SIZE, 0) };
+            }
+            First::Copy { from, to, region } => {
+                // SAFETY: the region lies in both buffers, which are alive, as `copy_first` asks.
+                unsafe { device.cmd_copy_buffer(commands, from, to, &[region]) };
+            }
+        }
+    }
+    if !all.is_empty() {
+        barrier_between(device, commands);
     }
 }
 

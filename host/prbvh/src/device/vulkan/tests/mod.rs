@@ -1,8 +1,10 @@
 //! The device itself, on the best Vulkan device of this machine and under the validation layer.
 
 mod pipeline;
+mod traffic;
 
 use super::*;
+use ash::vk;
 use bytemuck::Zeroable;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::mem::Slot;

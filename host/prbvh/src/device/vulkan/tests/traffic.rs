@@ -1,0 +1,110 @@
+//! How often the host speaks with a device whose memory it does not reach.
+
+use super::*;
+use crate::device::cpu::CpuDevice;
+use crate::optimize::{Order, PrbvhSettings};
+use crate::pipeline::{Settings, optimize};
+use crate::scene::Scene;
+use std::ops::ControlFlow;
+use std::time::Duration;
+
+const HOUR: Duration = Duration::from_hours(1);
+const TRIANGLES: usize = 20_000;
+
+fn scene() -> Scene {
+    crate::scene::built_in(TRIANGLES)
+}
+
+/// `news`: an hour is so long that the time that rounds take on this machine does not matter.
+fn settings(order: Order, news: Duration) -> Settings {
+    let prbvh = PrbvhSettings { order, news, ..PrbvhSettings::default() };
+    Settings { prbvh, ..Settings::default() }
+}
+
+/// Tree, rows and traffic of a run.
+fn run(device: &mut dyn Device, settings: &Settings) -> (String, usize, Traffic) {
+    let before = device.traffic();
+    let optimized = optimize(&scene(), device, settings, &mut |_| ControlFlow::Continue(())).unwrap();
+    let traffic = device.traffic().since(before);
+    (crate::bvh::tree_hash(&optimized.tree), optimized.outcome.rows.len(), traffic)
+}
+
+#[test]
+fn many_rounds_go_in_one_submission() {
+    if left_out("many_rounds_go_in_one_submission") {
+        return;
+    }
+    let mut cpu = CpuDevice::new(0).unwrap();
+    let mut device = open(options(Access::Never));
+    for (order, most) in [(Order::Published, 40), (Order::WorstFirst, 200)] {
+        let (expected, rows, _) = run(&mut cpu, &settings(order, HOUR));
+        let (hash, _, together) = run(&mut device, &settings(order, HOUR));
+        println!("{order}: {rows} rows, {together:?}");
+        assert_eq!(hash, expected, "{order}");
+        assert!(together.submissions <= most, "{order}: {} rows, {together:?}", rows);
+        let (hash, _, alone) = run(&mut device, &settings(order, Duration::ZERO));
+        assert_eq!(hash, expected, "{order}, row by row");
+        assert!(alone.submissions > together.submissions + rows as u64 / 2, "{order}: {alone:?}");
+    }
+    device.close().unwrap();
+}
+
+#[test]
+fn bytes_and_zeros_wait_for_the_next_work() {
+    if left_out("bytes_and_zeros_wait_for_the_next_work") {
+        return;
+    }
+    let mut device = open(options(Access::Never));
+    let before = device.traffic();
+    let gone = buffer_of(&mut device, "gone before it is filled", &[1u32; 1000]);
+    device.free(gone);
+    let words = buffer_of(&mut device, "words", &[1u32, 2, 3]);
+    device.upload(&words, bytemuck::cast_slice(&[7u32, 8])).unwrap();
+    let zeros = device.allocate("zeros", 3, 4).unwrap();
+    assert_eq!(device.traffic().since(before).submissions, 0);
+    assert_eq!(content::<u32>(&mut device, &words), [7, 8, 3]);
+    assert_eq!(content::<u32>(&mut device, &zeros), [0; 3]);
+    let traffic = device.traffic().since(before);
+    assert_eq!((traffic.submissions, traffic.bytes_in, traffic.bytes_out), (2, 4020, 24));
+    device.close().unwrap();
+}
+
+#[test]
+fn what_is_fetched_comes_along_until_something_changes() {
+    if left_out("what_is_fetched_comes_along_until_something_changes") {
+        return;
+    }
+    on_each_access(|device| {
+        let from = buffer_of(device, "from", &[1u32, 2, 3, 4]);
+        let to = device.allocate("to", 4, 4).unwrap();
+        let other = buffer_of(device, "other", &[9u32; 2]);
+        let mut recording = Recording::new();
+        recording.fetch("early", &to, 8);
+        recording.copy("copy", &from, &to);
+        recording.fetch("late", &to, 12);
+        recording.fetch("late", &other, 8);
+        assert_eq!(device.run(&recording).unwrap().len(), 4);
+        let before = device.traffic().submissions;
+        let read = |device: &mut VulkanDevice, buffer: &Buffer, first: usize, words: usize| {
+            let mut read = vec![0u32; words];
+            device.download_from(buffer, first, bytemuck::cast_slice_mut(&mut read)).unwrap();
+            read
+        };
+        assert_eq!(read(device, &to, 0, 3), [1, 2, 3], "the later of two");
+        assert_eq!(read(device, &to, 4, 2), [2, 3]);
+        assert_eq!(read(device, &other, 0, 2), [9, 9]);
+        assert_eq!(device.traffic().submissions, before);
+        assert_eq!(read(device, &to, 0, 4), [1, 2, 3, 4], "more than was fetched");
+        device.upload(&to, bytemuck::cast_slice(&[5u32])).unwrap();
+        assert_eq!(read(device, &to, 0, 2), [5, 2], "changed by the host");
+        device.run(&recording).unwrap();
+        let mut again = Recording::new();
+        again.clear("clear", &to);
+        device.run(&again).unwrap();
+        assert_eq!(read(device, &to, 0, 2), [0, 0], "changed by the device");
+        device.run(&recording).unwrap();
+        device.free(to);
+        let to = device.allocate("to", 4, 4).unwrap();
+        assert_eq!(read(device, &to, 0, 2), [0, 0], "another buffer");
+    });
+}

@@ -1,0 +1,88 @@
+//! How many rounds go in one submission.
+
+use super::Limits;
+use std::time::Duration;
+
+/// Most rounds of a submission: the report has a row for each.
+pub(super) const MOST_AT_ONCE: u32 = 64;
+/// A round takes as long as to search so many nodes more.
+const OF_A_ROUND: f64 = 1000.0;
+/// Nodes searched in a second, before it is known.
+const FIRST_RATE: f64 = 1e6;
+/// A rate rises by so much at the most from one submission to the next.
+const MOST_RISE: f64 = 8.0;
+
+/// What a device did in the submissions so far.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pace {
+    news: Duration,
+    rate: f64,
+}
+
+impl Pace {
+    /// Nothing is known. A submission should take about as long as `news`.
+    pub(super) fn new(news: Duration) -> Self {
+        Self { news, rate: FIRST_RATE }
+    }
+
+    /// How many rounds go next, of those that search `searched` nodes each: no more than the limits leave, and one at least.
+    pub(super) fn rounds(
+        &self,
+        searched: impl IntoIterator<Item = f64>,
+        limits: &Limits,
+        iterations: u32,
+        elapsed: Duration,
+    ) -> u32 {
+        let left = limits.max_time.map_or(self.news, |most| most.saturating_sub(elapsed).min(self.news));
+        let most = MOST_AT_ONCE.min(limits.max_iterations.saturating_sub(iterations)).max(1);
+        let mut work = self.rate * left.as_secs_f64();
+        let fits = |searched: &f64| {
+            work -= searched + OF_A_ROUND;
+            work >= 0.0
+        };
+        let rounds = searched.into_iter().take(most as usize).take_while(fits).count();
+        (rounds as u32).max(1)
+    }
+
+    /// Takes note of rounds that have searched so many nodes together.
+    pub(super) fn note(&mut self, rounds: usize, searched: f64, seconds: f64) {
+        if rounds > 0 && seconds > 0.0 {
+            let rate = (searched + OF_A_ROUND * rounds as f64) / seconds;
+            self.rate = rate.min(MOST_RISE * self.rate);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NONE: Duration = Duration::ZERO;
+    const NEWS: Duration = Duration::from_millis(20);
+
+    #[test]
+    fn rounds_fill_a_slice_of_time() {
+        let limits = Limits::iterations(1000);
+        let mut pace = Pace::new(NEWS);
+        let few = |pace: &Pace| pace.rounds([1000.0; 100], &limits, 0, NONE);
+        assert_eq!(few(&pace), 10);
+        pace.note(10, 10_000.0, 0.001);
+        assert_eq!(few(&pace), MOST_AT_ONCE, "the rate rises");
+        pace.note(64, 64_000.0, 0.2);
+        assert_eq!(few(&pace), 6, "and falls");
+        assert_eq!(pace.rounds([1e9, 1.0], &limits, 0, NONE), 1, "one round goes in any case");
+        assert_eq!(pace.rounds([1e3, 1e9, 1.0], &limits, 0, NONE), 1);
+    }
+
+    #[test]
+    fn limits_and_observers_of_trees_make_them_fewer() {
+        let pace = Pace::new(NEWS);
+        let limits = Limits { max_time: Some(Duration::from_millis(100)), ..Limits::iterations(8) };
+        let rounds = |iterations, elapsed| pace.rounds([0.0; 100], &limits, iterations, Duration::from_millis(elapsed));
+        assert_eq!(rounds(0, 0), 8);
+        assert_eq!(rounds(5, 0), 3);
+        assert_eq!(rounds(0, 95), 5);
+        assert_eq!(rounds(0, 200), 1);
+        assert_eq!(Pace::new(NONE).rounds([0.0; 100], &Limits::iterations(8), 0, NONE), 1);
+    }
+}
