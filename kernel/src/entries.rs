@@ -165,8 +165,8 @@ kernels! {
     ] => |i| cost::cost(i, params, nodes, arrivals, partial, report);
 
     PrbvhSearch prbvh_search(params: PrbvhParams) [
-        0 nodes: &[WideNode], 1 found: &[Slot<Move>], 2 report: &[AtomicU32],
-    ] => |i| search(i, params, nodes, found, report);
+        0 nodes: &[WideNode], 1 found: &[Slot<Move>], 2 books: &[AtomicU32], 3 report: &[AtomicU32],
+    ] => |i| search(i, params, nodes, found, books, report);
 
     PrbvhLock prbvh_lock(params: PrbvhParams) [
         0 nodes: &[Node], 1 found: &[Slot<Move>], 2 locks: &[AtomicU64],

@@ -37,6 +37,9 @@ pub const WAITING: usize = 16;
 /// How the rounds go on after this one: [`GOES_ON`], [`SETTLED`], [`NOTHING_FOUND`], [`AT_TARGET`], [`AT_FAULT`].
 pub const VERDICT: usize = 17;
 
+/// Of the published order: every so many nodes one was searched.
+pub const MU: usize = 18;
+
 /// Another round follows.
 pub const GOES_ON: u32 = 0;
 /// The cost has settled.

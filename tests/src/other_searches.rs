@@ -5,8 +5,10 @@ use crate::planted::{Planted, change};
 use prbvh::device::{Device, DeviceError, Dispatch};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
+use prbvh_kernel::mem::AtomicU32;
 use prbvh_kernel::node::{Links, NO_NODE, Node, ROOT};
 use prbvh_kernel::prbvh::search::checked_area_decrease;
+use prbvh_kernel::prbvh::worst::books::{BOOKS_WORDS, OVER_LIST};
 use prbvh_kernel::prbvh::{Move, PrbvhParams};
 use prbvh_lab::accuracy::Candidate;
 use rayon::prelude::*;
@@ -23,8 +25,13 @@ pub fn with_search(
         let params: PrbvhParams = bytemuck::pod_read_unaligned(&dispatch.push);
         let mut nodes: Vec<Node> = vec![bytemuck::Zeroable::zeroed(); params.nodes as usize];
         device.download(&dispatch.buffers[0], bytemuck::cast_slice_mut(&mut nodes))?;
+        let mut books = [0u32; BOOKS_WORDS as usize];
+        device.download(&dispatch.buffers[2], bytemuck::cast_slice_mut(&mut books))?;
+        let count = books[OVER_LIST] as usize;
+        let books = AtomicU32::from_mut_slice(&mut books);
         change(device, &dispatch.buffers[1], |found: &mut [Move]| {
-            let found = &mut found[..params.count as usize];
+            let params = params.by(books);
+            let found = &mut found[..count];
             found.par_iter_mut().enumerate().for_each(|(i, found)| *found = search(params.input(i as u32), &nodes));
         })
     })

@@ -267,6 +267,10 @@ impl Device for Fails {
     fn memory(&self) -> MemoryUse {
         self.0.memory()
     }
+
+    fn traffic(&self) -> Traffic {
+        Traffic::default()
+    }
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::prbvh::lock::lock_key;
+use prbvh_kernel::prbvh::worst::books::BOOKS_WORDS;
 use prbvh_kernel::prbvh::{CONSERVATIVE, Move, PrbvhParams};
 use prbvh_kernel::setup::Triangle;
 use prbvh_kernel::status::{FAULTS, FOUND, REPORT_WORDS};
@@ -25,7 +26,7 @@ fn params(mu: u32, first: u32, nodes: usize) -> PrbvhParams {
 /// A search of all nodes of an iteration.
 fn search(tree: &NaiveTree, params: &PrbvhParams) -> Vec<Move> {
     let case = Case::new(Kernel::PrbvhSearch, params.count, params).with(&tree.encode());
-    let result = case.zeros(params.count.max(1) as usize).zeros(REPORT).run_everywhere();
+    let result = case.zeros(params.count.max(1) as usize).zeros(BOOKS_WORDS as usize).zeros(REPORT).run_everywhere();
     assert_eq!(result.get::<u32>("report")[FAULTS], 0);
     result.get("found")
 }
@@ -195,7 +196,8 @@ fn finds_a_fault(keep: impl Fn(&[Offer]) -> Vec<Footprint>) -> Option<String> {
         let params = params(1, 0, tree.children.len());
         let case = Case::new(Kernel::PrbvhSearch, params.count, &params).with(&tree.encode());
         let mut cpu = prbvh::device::cpu::CpuDevice::new(1).unwrap();
-        let result = case.zeros(params.count as usize).zeros(REPORT).run_on(&mut cpu).unwrap();
+        let result =
+            case.zeros(params.count as usize).zeros(BOOKS_WORDS as usize).zeros(REPORT).run_on(&mut cpu).unwrap();
         assert!(result.get::<u32>("report")[FOUND] > 0);
         let kept = keep(&offers(&tree, &params, &result.get::<Move>("found")));
         let mut together = tree.clone();

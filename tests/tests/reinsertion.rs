@@ -2,6 +2,7 @@
 
 use prbvh_kernel::Kernel;
 use prbvh_kernel::node::NO_NODE;
+use prbvh_kernel::prbvh::worst::books::BOOKS_WORDS;
 use prbvh_kernel::prbvh::{Move, PrbvhParams, WON};
 use prbvh_kernel::status::{FAULTS, FOUND, OWNED, PREDICTED, REPORT_WORDS};
 use prbvh_kernel::sum::scale_of;
@@ -21,7 +22,7 @@ fn params(mu: u32, first: u32, nodes: usize) -> PrbvhParams {
 
 fn search(tree: &NaiveTree, params: &PrbvhParams) -> (Vec<Move>, Vec<u32>) {
     let case = Case::new(Kernel::PrbvhSearch, params.count, params).with(&tree.encode());
-    let result = case.zeros(params.count.max(1) as usize).zeros(REPORT).run_everywhere();
+    let result = case.zeros(params.count.max(1) as usize).zeros(BOOKS_WORDS as usize).zeros(REPORT).run_everywhere();
     (result.get("found"), result.get("report"))
 }
 

@@ -63,7 +63,9 @@ pub mod topology;
 pub mod worst;
 
 pub use topology::MoveNodes;
+use worst::books::{EVERY, FIRST};
 
+use crate::mem::AtomicU32;
 use crate::node::NO_NODE;
 use bytemuck::{Pod, Zeroable};
 
@@ -117,7 +119,7 @@ impl Move {
 pub struct PrbvhParams {
     /// Invocations: one per input node.
     pub count: u32,
-    /// Every `mu`-th node is an input node (§4.4.2).
+    /// Every `mu`-th node is an input node (§4.4.2); 0: as the books say.
     pub mu: u32,
     /// The first of them: iteration mod `mu`.
     pub first: u32,
@@ -154,6 +156,13 @@ impl PrbvhParams {
     #[must_use]
     pub fn input(&self, i: u32) -> u32 {
         self.first + i * self.mu
+    }
+
+    /// The same, with the input nodes that the books say where it is they that do.
+    #[inline(always)]
+    #[must_use]
+    pub fn by(&self, books: &[AtomicU32]) -> Self {
+        if self.mu > 0 { *self } else { Self { mu: books[EVERY].load(), first: books[FIRST].load(), ..*self } }
     }
 
     /// Whether a flag is set.

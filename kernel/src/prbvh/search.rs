@@ -24,8 +24,15 @@ pub const MAX_STEPS: u32 = 4096;
 
 /// Invocation `i` searches for its input node.
 #[inline(always)]
-pub fn search(i: u32, params: &PrbvhParams, nodes: &[WideNode], found: &[Slot<Move>], report: &[AtomicU32]) {
-    let input = params.input(i);
+pub fn search(
+    i: u32,
+    params: &PrbvhParams,
+    nodes: &[WideNode],
+    found: &[Slot<Move>],
+    books: &[AtomicU32],
+    report: &[AtomicU32],
+) {
+    let input = params.by(books).input(i);
     let mut best = Move::NONE;
     if input != ROOT && input < params.nodes {
         let (output, top, _) = best_output(input, params, nodes, report);

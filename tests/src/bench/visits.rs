@@ -3,6 +3,7 @@
 use prbvh_kernel::mem::{AtomicU32, Slot};
 use prbvh_kernel::node::{Node, WideNode};
 use prbvh_kernel::prbvh::search::search;
+use prbvh_kernel::prbvh::worst::books::BOOKS_WORDS;
 use prbvh_kernel::prbvh::{Move, PrbvhParams};
 use prbvh_kernel::status::{FOUND, MOST_STEPS, REPORT_WORDS};
 use rayon::prelude::*;
@@ -44,10 +45,12 @@ pub fn count(nodes: &[Node]) -> Visits {
     let of_node = |v: u32| {
         let params = PrbvhParams { count: 1, ..PrbvhParams::every(1, v, nodes.len() as u32) };
         let mut found = [Move::NONE];
+        let mut books = [0; BOOKS_WORDS as usize];
         let mut report = [0; REPORT_WORDS as usize];
-        search(0, &params, wide, Slot::from_mut_slice(&mut found), AtomicU32::from_mut_slice(&mut report));
-        let steps = report[MOST_STEPS];
-        Visits { searches: 1, steps: steps.into(), most: steps, found: report[FOUND].into() }
+        let (books, report) = (AtomicU32::from_mut_slice(&mut books), AtomicU32::from_mut_slice(&mut report));
+        search(0, &params, wide, Slot::from_mut_slice(&mut found), books, report);
+        let steps = report[MOST_STEPS].load();
+        Visits { searches: 1, steps: steps.into(), most: steps, found: report[FOUND].load().into() }
     };
     (1..nodes.len() as u32).into_par_iter().map(of_node).reduce(Visits::default, Visits::and)
 }

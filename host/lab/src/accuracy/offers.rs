@@ -69,6 +69,7 @@ mod tests {
     use prbvh::scene::{SafeRange, built_in};
     use prbvh_kernel::mem::Slot;
     use prbvh_kernel::node::WideNode;
+    use prbvh_kernel::prbvh::worst::books::BOOKS_WORDS;
     use prbvh_kernel::prbvh::{Move, search::search};
 
     #[test]
@@ -81,10 +82,12 @@ mod tests {
             let mut found = vec![Move::NONE; params.count as usize];
             let mut report = [0; REPORT_WORDS as usize];
             let report = AtomicU32::from_mut_slice(&mut report);
+            let mut books = [0; BOOKS_WORDS as usize];
+            let books = AtomicU32::from_mut_slice(&mut books);
             let wide: Vec<WideNode> = bytemuck::pod_collect_to_vec(&nodes);
             let found_slots = Slot::from_mut_slice(&mut found);
             for i in 0..params.count {
-                search(i, &params, &wide, found_slots, report);
+                search(i, &params, &wide, found_slots, books, report);
             }
             let expected = (0..).zip(&found).filter(|(_, found)| found.output != NO_NODE);
             let taken = offers.iter().filter(|offer| offer.direct > 0.0);

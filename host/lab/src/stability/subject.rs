@@ -73,7 +73,8 @@ pub trait Subject {
         match order {
             Order::Published => {
                 let params = PrbvhParams::every(1, 0, nodes.len() as u32);
-                let buffers = [&tree.nodes, &found, &report];
+                let books = scratch.allocate(device, "books", BOOKS_WORDS as usize, 4)?;
+                let buffers = [&tree.nodes, &found, &books, &report];
                 recording.dispatch("search", Kernel::PrbvhSearch, params.count, &params, &buffers);
             }
             Order::WorstFirst => {

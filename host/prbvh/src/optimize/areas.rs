@@ -124,6 +124,8 @@ impl Measure {
         mut recording: Recording,
     ) -> Result<(TreeAreas, Vec<Timing>), DeviceError> {
         let chunks = self.record_areas(&mut recording);
+        recording.fetch("cost", &self.partial, 4 * (chunks as usize + 1));
+        recording.fetch("cost", &self.report, 4 * REPORT_WORDS as usize);
         let timings = device.run(&recording)?;
         let partial = self.read(device, chunks as usize + 1)?;
         let (internal, rest) = partial.split_at(self.internal().div_ceil(COST_CHUNK) as usize);

@@ -24,8 +24,10 @@ const NODE_WORDS: u32 = (size_of::<Node>() / 4) as u32;
 const GRAFTED: u32 = u32::MAX;
 
 /// What became of the top of a tree.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct NewTop {
+    /// What puts it in place.
+    pub(super) graft: Recording,
     /// Half area that the tree lost.
     pub(super) decrease: f64,
     /// Nodes that the searches for the new tops looked at.
@@ -36,7 +38,7 @@ pub(super) struct NewTop {
 pub(super) type Optimise =
     fn(&mut dyn Device, &DeviceTree, Option<TreeAreas>, &PrbvhSettings, Observe<'_>) -> Result<Outcome, DeviceError>;
 
-/// Replaces the top of the tree by one of less area, if it finds one; boxes are made anew then. The keys tell which nodes are the top: those that have
+/// A top of less area for the tree, if it finds one, and boxes made anew. The keys tell which nodes are the top: those that have
 /// been unfolded.
 pub(super) fn renew(
     session: &mut Session<'_>,
@@ -65,7 +67,7 @@ pub(super) fn renew(
     }
     if let (area, Some(nodes)) = best {
         session.moves.replace_kept(device, &top.children(&nodes, session.internal))?;
-        session.restore(device, GRAFTED)?;
+        session.record_restore(&mut renewed.graft, GRAFTED);
         renewed.decrease = top.area - area;
     }
     Ok(renewed)
@@ -193,6 +195,7 @@ fn gathered(session: &mut Session<'_>, device: &mut dyn Device, nodes: &[u32]) -
         let count = words.len() as u32;
         let buffers = [&order, &session.tree.nodes.as_words(), &gathered];
         recording.dispatch("read top", Kernel::SortGather, count, &GatherParams { count }, &buffers);
+        recording.fetch("read top", &gathered, 4 * words.len());
         session.submit(device, &recording)?;
         device.download(&gathered, bytemuck::cast_slice_mut(&mut read))?;
     }

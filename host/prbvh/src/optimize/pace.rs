@@ -3,8 +3,9 @@
 use super::Limits;
 use std::time::Duration;
 
-/// Most rounds of a submission: the report has a row for each.
-pub(super) const MOST_AT_ONCE: u32 = 64;
+/// Most rounds of a submission. Those after the end of a search do nothing, but a GPU takes some microseconds for each of their dispatches; with as many
+/// rounds this is about as long as the waits that they save.
+pub(super) const MOST_AT_ONCE: u32 = 16;
 /// A round takes as long as to search so many nodes more.
 const OF_A_ROUND: f64 = 1000.0;
 /// Nodes searched in a second, before it is known.
@@ -68,8 +69,8 @@ mod tests {
         assert_eq!(few(&pace), 10);
         pace.note(10, 10_000.0, 0.001);
         assert_eq!(few(&pace), MOST_AT_ONCE, "the rate rises");
-        pace.note(64, 64_000.0, 0.2);
-        assert_eq!(few(&pace), 6, "and falls");
+        pace.note(16, 16_000.0, 0.1);
+        assert_eq!(few(&pace), 3, "and falls");
         assert_eq!(pace.rounds([1e9, 1.0], &limits, 0, NONE), 1, "one round goes in any case");
         assert_eq!(pace.rounds([1e3, 1e9, 1.0], &limits, 0, NONE), 1);
     }

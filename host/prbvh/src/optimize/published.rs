@@ -11,7 +11,7 @@ use prbvh_kernel::prbvh::worst::RoundParams;
 use prbvh_kernel::prbvh::worst::books::{BEGIN, CLOSE, RESUME};
 use prbvh_kernel::prbvh::worst::verdict::{JUDGES, PUBLISHED};
 use prbvh_kernel::prbvh::{CONSERVATIVE, PrbvhParams};
-use prbvh_kernel::status::{AT_FAULT, GOES_ON, REPORT_WORDS, SEARCHED, SETTLED};
+use prbvh_kernel::status::{AT_FAULT, GOES_ON, MU, REPORT_WORDS, SEARCHED, SETTLED};
 
 pub(super) fn run(
     device: &mut dyn Device,
@@ -48,12 +48,16 @@ fn iterate(
         Epsilon::Absolute(change) => change,
     };
     let rule = RoundParams {
+        nodes: session.node_count,
+        mu: settings.mu.max(1),
         flags: JUDGES | PUBLISHED,
         patience: settings.patience.max(1),
         epsilon: ledger.units(epsilon),
         ..ledger.params(&settings.limits)
     };
-    let mut mu = settings.mu.max(1);
+    let flags = if settings.strategy == Strategy::Conservative { CONSERVATIVE } else { 0 };
+    let (count, scale) = (session.node_count, ledger.scale);
+    let round = PrbvhParams { count, mu: 0, first: 0, nodes: count, flags, row: 0, scale };
     let mut pace = Pace::new(settings.news);
     let mut page = BEGIN;
     if observe(session.row(), session.tree, device).is_break() {
@@ -64,36 +68,27 @@ fn iterate(
             return Ok(stop);
         }
         let done = session.row().iteration;
-        let every = |iteration| PrbvhParams {
-            flags: if settings.strategy == Strategy::Conservative { CONSERVATIVE } else { 0 },
-            scale: ledger.scale,
-            ..PrbvhParams::every(mu, iteration % mu, session.node_count)
-        };
-        let searched = f64::from(session.node_count) / f64::from(mu);
+        let searched = f64::from(session.node_count) / f64::from(session.row().mu);
         let rounds = pace.rounds(std::iter::repeat(searched), &settings.limits, done, session.elapsed());
-        let all: Vec<PrbvhParams> =
-            (0..rounds).map(|k| PrbvhParams { row: k * REPORT_WORDS, ..every(done + k) }).collect();
 
         let mut recording = Recording::new();
         recording.clear("search", &session.moves.report);
-        // The first set of every µ-th node is the largest.
-        let listed = PrbvhParams::every(mu, 0, session.node_count).count;
         if page != CLOSE {
-            record_page(session, &mut recording, &RoundParams { page, listed, ..rule });
+            record_page(session, &mut recording, &RoundParams { page, ..rule });
         }
         let mut ends = Vec::new();
-        for params in &all {
-            record_iteration(session, &mut recording, params);
-            record_page(session, &mut recording, &RoundParams { page: CLOSE, row: params.row, ..rule });
+        for row in (0..rounds).map(|k| k * REPORT_WORDS) {
+            record_iteration(session, &mut recording, &PrbvhParams { row, ..round });
+            record_page(session, &mut recording, &RoundParams { page: CLOSE, row, ..rule });
             ends.push(recording.commands().len());
         }
         let start = session.elapsed_s();
         let reports = session.submit_rows(device, recording, &ends)?;
-        pace.note(reports.len(), searched * reports.len() as f64, session.elapsed_s() - start);
+        let searched = reports.iter().map(|(report, _)| f64::from(report[SEARCHED])).sum();
+        pace.note(reports.len(), searched, session.elapsed_s() - start);
         let mut verdict = GOES_ON;
-        for ((mut report, clock), params) in reports.into_iter().zip(&all) {
-            report[SEARCHED] = params.count;
-            verdict = session.push_round(&report, mu, ledger, clock);
+        for (report, clock) in reports {
+            verdict = session.push_round(&report, report[MU], ledger, clock);
         }
         // The tree is that of the last row.
         if session.observe_rows(done, device, observe).is_break() {
@@ -101,11 +96,9 @@ fn iterate(
         }
         match verdict {
             AT_FAULT => return Ok(StopReason::Fault(session.faults)),
-            SETTLED if mu == 1 => return Ok(StopReason::Converged),
-            SETTLED => mu -= 1,
-            _ => {}
+            SETTLED => return Ok(StopReason::Converged),
+            _ => page = if verdict == GOES_ON { CLOSE } else { RESUME },
         }
-        page = if verdict == GOES_ON { CLOSE } else { RESUME };
     }
 }
 
@@ -118,9 +111,9 @@ fn record_page(session: &Session<'_>, recording: &mut Recording, params: &RoundP
 fn record_iteration(session: &Session<'_>, recording: &mut Recording, params: &PrbvhParams) {
     let (nodes, ways) = (&session.tree.nodes, &session.measure.arrivals);
     let moves = &session.moves;
-    let (found, report) = (&moves.found, &moves.report);
+    let (found, books, report) = (&moves.found, &moves.books, &moves.report);
     moves.clear_locks(recording);
-    moves.dispatch(recording, "search", Kernel::PrbvhSearch, params, &[nodes, found, report]);
+    moves.dispatch(recording, "search", Kernel::PrbvhSearch, params, &[nodes, found, books, report]);
     moves.record_lock(recording, params);
     moves.record_reinsert(recording, params);
     moves.dispatch(recording, "refit", Kernel::PrbvhMark, params, &[found, nodes, ways, report]);

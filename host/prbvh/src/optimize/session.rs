@@ -156,6 +156,8 @@ impl<'a> Session<'a> {
         let (before, device_before) = (self.elapsed_s(), self.device_s);
         let mut words = vec![0u32; REPORT_WORDS as usize * ends.len()];
         recording.fetch("search", &self.moves.report, 4 * words.len());
+        // For whoever restores the best tree after these.
+        recording.fetch("search", &self.moves.books, 4 * (EPOCH + 1));
         self.has_moved = true;
         let timings = device.run(&recording)?;
         device.download(&self.moves.report, bytemuck::cast_slice_mut(&mut words))?;
@@ -191,15 +193,7 @@ impl<'a> Session<'a> {
     }
 
     /// The row of an iteration after which the tree has this cost.
-    fn push_row(
-        &mut self,
-        report: &Report,
-        mu: u32,
-        cost: f64,
-        areas: &TreeAreas,
-        scale: f32,
-        clock: Clock,
-    ) {
+    fn push_row(&mut self, report: &Report, mu: u32, cost: f64, areas: &TreeAreas, scale: f32, clock: Clock) {
         let row = IterationRow {
             iteration: self.row().iteration + 1,
             mu,
@@ -259,20 +253,20 @@ impl<'a> Session<'a> {
         self.rows.push(row);
     }
 
-    /// Brings back the children that were kept under a number, with all boxes made anew.
-    pub(super) fn restore(&mut self, device: &mut dyn Device, epoch: u32) -> Result<(), DeviceError> {
-        let mut recording = Recording::new();
-        self.moves.record_restore(&mut recording, self.internal, epoch);
-        self.measure.record_refit(&mut recording);
-        self.measure.record_no_arrivals(&mut recording);
-        self.submit(device, &recording)
+    /// Records that the children come back that were kept under a number, with all boxes made anew.
+    pub(super) fn record_restore(&mut self, recording: &mut Recording, epoch: u32) {
+        self.moves.record_restore(recording, self.internal, epoch);
+        self.measure.record_refit(recording);
+        self.measure.record_no_arrivals(recording);
     }
 
     /// Brings the best tree back, with all boxes made anew.
     pub(super) fn restore_best(&mut self, device: &mut dyn Device) -> Result<(), DeviceError> {
         let mut words = [0u32; EPOCH + 1];
         device.download(&self.moves.books, bytemuck::cast_slice_mut(&mut words))?;
-        self.restore(device, words[EPOCH])
+        let mut recording = Recording::new();
+        self.record_restore(&mut recording, words[EPOCH]);
+        self.submit(device, &recording)
     }
 
     /// Makes all boxes anew; returns the faults of a tree that is none.

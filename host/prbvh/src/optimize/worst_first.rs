@@ -40,8 +40,7 @@ pub(super) fn run(
     let lists = Lists::new(device, &mut session)?;
     let working_bytes = device.memory().bytes;
     let (areas, faults) = session.begin(device, areas, 1)?;
-    let mut rounds =
-        Rounds { lists, ledger: Ledger::new(areas, tree.references), pace: Pace::new(settings.news) };
+    let mut rounds = Rounds { lists, ledger: Ledger::new(areas, tree.references), pace: Pace::new(settings.news) };
     let stop =
         if faults == 0 { rounds.run(&mut session, device, settings, observe)? } else { StopReason::Fault(faults) };
     // A tree that is none was never a best one, unless it came so.
@@ -216,8 +215,8 @@ impl Rounds {
         recording.clear("select", &session.moves.report);
         self.record_begin(session, &mut recording, &params, true, MOST_STAGES + 1);
         session.submit(device, &recording)?;
-        let renewed = new_top::renew(session, device, &self.lists.keys, settings, run)?;
-        let mut recording = Recording::new();
+        let mut renewed = new_top::renew(session, device, &self.lists.keys, settings, run)?;
+        let mut recording = std::mem::take(&mut renewed.graft);
         self.page(session, &mut recording, &params, BEST);
         session.submit(device, &recording)?;
 

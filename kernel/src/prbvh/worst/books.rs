@@ -56,8 +56,14 @@ pub const STOPPED: usize = 31;
 pub const PROGRESS: usize = 32;
 /// Two words: [`LOST`] a round ago.
 pub const LAST_LOST: usize = 34;
+/// Of the published order: every so many nodes one is searched.
+pub const EVERY: usize = 36;
+/// The first of them.
+pub const FIRST: usize = 37;
+/// Rounds since the beginning.
+pub const ROUND: usize = 38;
 /// Keys in each bucket.
-pub const HISTOGRAM: usize = 36;
+pub const HISTOGRAM: usize = 40;
 /// Buckets.
 pub const BUCKETS: u32 = 256;
 /// Parts that a bucket can be cut into.
@@ -139,7 +145,9 @@ fn begin(params: &RoundParams, books: &[AtomicU32], fringe: &[Slot<u32>]) {
     books[STOPPED].store(0);
     Sum::load(books, MOST_LOST).store(books, PROGRESS);
     Sum::load(books, LOST).store(books, LAST_LOST);
-    run_over(books, OVER_LIST, params.listed);
+    books[ROUND].store(0);
+    books[EVERY].store(params.mu);
+    list_in_turn(params, books);
     // A tree of one node has no fringe.
     if params.places() > 0 {
         fringe[0].set(ROOT);
@@ -149,14 +157,22 @@ fn begin(params: &RoundParams, books: &[AtomicU32], fringe: &[Slot<u32>]) {
     }
 }
 
+/// Of the published order: lists every µ-th node, in each round another set of them (Meister & Bittner 2018, §4.4.2).
+#[inline(always)]
+pub(super) fn list_in_turn(params: &RoundParams, books: &[AtomicU32]) {
+    let mu = books[EVERY].load();
+    if mu > 0 {
+        let first = books[ROUND].load() % mu;
+        books[FIRST].store(first);
+        run_over(books, OVER_LIST, (params.nodes - umin(first, params.nodes)).div_ceil(mu));
+    }
+}
+
 /// Lists are as long again as they are.
 #[inline(always)]
 fn resume(params: &RoundParams, books: &[AtomicU32]) {
     books[STOPPED].store(0);
-    if params.has(verdict::PUBLISHED) {
-        books[IDLE].store(0);
-    }
-    run_over(books, OVER_LIST, params.listed);
+    list_in_turn(params, books);
     let unfolds = books[UNFOLDS].load() != 0;
     let fringe = books[FRINGE_LENGTH + books[FRINGE_SIDE].load() as usize].load();
     run_over(books, OVER_FRINGE, if unfolds { fringe } else { 0 });

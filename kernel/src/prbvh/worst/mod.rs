@@ -63,8 +63,8 @@ pub struct RoundParams {
     pub wanted: u32,
     /// As many nodes as should be in the pool for the next round.
     pub pool: u32,
-    /// Nodes on a list that the host knows, as in the published order.
-    pub listed: u32,
+    /// Of the published order: every `mu`-th node is searched at first; 0 in the other.
+    pub mu: u32,
     /// Of [`verdict`]: [`JUDGES`](verdict::JUDGES) and the like.
     pub flags: u32,
     /// A round that searches as many nodes counts where it makes no progress.

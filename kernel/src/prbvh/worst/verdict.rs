@@ -3,10 +3,10 @@
 //! Differences of sums are compared as floats: the same two roundings everywhere.
 
 use super::RoundParams;
-use super::books::{HAS_FOUND, IDLE, LAST_LOST, PROGRESS};
+use super::books::{self, EVERY, HAS_FOUND, IDLE, LAST_LOST, OVER_LIST, PROGRESS, ROUND};
 use crate::mem::AtomicU32;
 use crate::status::{
-    AT_FAULT, AT_TARGET, FAULTS, FOUND, FRINGE, GOES_ON, NOTHING_FOUND, SEARCHED, SETTLED, VERDICT, WAITING,
+    AT_FAULT, AT_TARGET, FAULTS, FOUND, FRINGE, GOES_ON, MU, NOTHING_FOUND, SEARCHED, SETTLED, VERDICT, WAITING,
 };
 use crate::sum::Sum;
 
@@ -22,7 +22,7 @@ pub const PUBLISHED: u32 = 4;
 pub(super) fn judge(params: &RoundParams, lost: Sum, books: &[AtomicU32], report: &[AtomicU32]) -> bool {
     let row = params.row as usize;
     let mut verdict = if params.has(PUBLISHED) {
-        published(params, lost, books)
+        published(params, lost, books, report)
     } else {
         worst_first(params, lost, books, report)
     };
@@ -36,14 +36,25 @@ pub(super) fn judge(params: &RoundParams, lost: Sum, books: &[AtomicU32], report
     verdict != GOES_ON
 }
 
-/// The cost changes by epsilon at the most, or there was no new best tree, by more than epsilon, in some rounds.
+/// Where the cost changes by epsilon at the most, or there was no new best tree, by more than epsilon, in some rounds, more nodes are searched in the
+/// next ones, until there are no more.
 #[inline(always)]
-fn published(params: &RoundParams, lost: Sum, books: &[AtomicU32]) -> u32 {
+fn published(params: &RoundParams, lost: Sum, books: &[AtomicU32], report: &[AtomicU32]) -> u32 {
+    let mu = books[EVERY].load();
+    report[params.row as usize + MU].store(mu);
+    report[params.row as usize + SEARCHED].store(books[OVER_LIST].load());
     let idle = note_progress(params, lost, params.epsilon, books, true);
     let last = Sum::load(books, LAST_LOST);
     let change = lost.excess(last) + last.excess(lost);
     lost.store(books, LAST_LOST);
-    if change > params.epsilon && idle < params.patience { GOES_ON } else { SETTLED }
+    let goes_on = change > params.epsilon && idle < params.patience;
+    if !goes_on {
+        books[EVERY].store(mu - 1);
+        books[IDLE].store(0);
+    }
+    books[ROUND].add(1);
+    books::list_in_turn(params, books);
+    if goes_on || mu > 1 { GOES_ON } else { SETTLED }
 }
 
 /// There was no new best tree that counts in some broad rounds, or nobody is left to search.
@@ -88,8 +99,7 @@ fn note_progress(params: &RoundParams, lost: Sum, counts: f32, books: &[AtomicU3
 
 #[cfg(test)]
 mod tests {
-    use super::super::books::{BOOKS_WORDS, EPOCH, LIST_LENGTH, OVER_LIST, STOPPED};
-    use super::super::books::{self, BEGIN, CLOSE, RESUME};
+    use super::super::books::{BEGIN, BOOKS_WORDS, CLOSE, EPOCH, FIRST, LIST_LENGTH, RESUME, STOPPED};
     use super::*;
     use crate::mem::Slot;
     use crate::status::{APPLIED, FAULT_SEARCH_STEPS, GREW, REPORT_WORDS, SHRUNK};
@@ -109,8 +119,8 @@ mod tests {
             run
         }
 
-        fn published(epsilon: f32, patience: u32) -> Self {
-            Self::new(RoundParams { flags: PUBLISHED, epsilon, patience, listed: 9, ..rule() })
+        fn published(mu: u32, epsilon: f32, patience: u32) -> Self {
+            Self::new(RoundParams { flags: PUBLISHED, epsilon, patience, mu, ..rule() })
         }
 
         fn page(&mut self, page: u32, flags: u32) {
@@ -137,30 +147,40 @@ mod tests {
     }
 
     #[test]
-    fn the_published_rule_settles_where_the_cost_changes_by_epsilon() {
-        let mut run = Run::published(10.0, 20);
-        assert_eq!(run.books[OVER_LIST], 9);
+    fn mu_falls_by_one_where_the_cost_settles_and_the_end_comes_at_one() {
+        let mut run = Run::published(2, 10.0, 20);
+        let in_turn = |run: &Run| [EVERY, FIRST, OVER_LIST].map(|word| run.books[word]);
+        assert_eq!(in_turn(&run), [2, 0, 5]);
         assert_eq!(run.round(100, 0, &[]), GOES_ON);
+        assert_eq!(([MU, SEARCHED].map(|word| run.report[word]), in_turn(&run)), ([2, 5], [2, 1, 4]));
+        assert_eq!(run.round(-11, 0, &[]), GOES_ON);
+        assert_eq!(in_turn(&run), [2, 0, 5], "a change for the worse is one");
+        assert_eq!(run.round(10, 0, &[]), GOES_ON);
+        assert_eq!(([MU, SEARCHED].map(|word| run.report[word]), in_turn(&run)), ([2, 5], [1, 0, 9]));
         assert_eq!(run.round(11, 0, &[]), GOES_ON);
-        assert_eq!(run.round(-11, 0, &[]), GOES_ON, "a change for the worse is one");
-        assert_eq!(run.round(10, 0, &[]), SETTLED);
+        assert_eq!(run.round(0, 0, &[(APPLIED, 0)]), SETTLED);
+        assert_eq!((run.books[STOPPED], run.books[OVER_LIST]), (1, 0));
+    }
+
+    #[test]
+    fn rounds_that_were_stopped_go_on_where_they_were() {
+        let mut run = Run::new(RoundParams { target: [1, 0], ..Run::published(2, 10.0, 20).rule });
+        assert_eq!(run.round(50, 0, &[]), AT_TARGET);
         assert_eq!((run.books[STOPPED], run.books[OVER_LIST]), (1, 0));
         run.page(RESUME, 0);
-        assert_eq!((run.books[STOPPED], run.books[OVER_LIST]), (0, 9));
-        assert_eq!(run.round(50, 0, &[]), GOES_ON);
-        assert_eq!(run.round(0, 0, &[(APPLIED, 0)]), SETTLED);
+        assert_eq!((run.books[STOPPED], run.books[OVER_LIST]), (0, 4));
     }
 
     #[test]
     fn a_limit_cycle_ends() {
-        let mut run = Run::published(10.0, 6);
+        let mut run = Run::published(1, 10.0, 6);
         let rounds = (0..100).take_while(|k| run.round(if k % 2 == 0 { 50 } else { -50 }, 0, &[]) == GOES_ON);
         assert_eq!(rounds.count(), 6);
     }
 
     #[test]
     fn an_epsilon_that_is_no_number_ends() {
-        assert_eq!(Run::published(f32::NAN, 6).round(50, 0, &[]), SETTLED);
+        assert_eq!(Run::published(1, f32::NAN, 6).round(50, 0, &[]), SETTLED);
     }
 
     #[test]
@@ -202,10 +222,11 @@ mod tests {
 
     #[test]
     fn target_and_faults_end_at_once() {
-        let mut run = Run::new(RoundParams { target: [100, 0], epsilon: 1.0, patience: 9, flags: PUBLISHED, ..rule() });
+        let mut run =
+            Run::new(RoundParams { target: [100, 0], epsilon: 1.0, patience: 9, mu: 1, flags: PUBLISHED, ..rule() });
         assert_eq!(run.round(99, 0, &[]), GOES_ON);
         assert_eq!(run.round(1, 0, &[]), AT_TARGET);
-        let mut run = Run::published(1.0, 9);
+        let mut run = Run::published(1, 1.0, 9);
         let epoch = run.books[EPOCH];
         assert_eq!(run.round(99, 0, &[(FAULTS, FAULT_SEARCH_STEPS)]), AT_FAULT);
         assert_eq!((run.books[EPOCH], run.books[LIST_LENGTH]), (epoch, 0), "no tree to keep");

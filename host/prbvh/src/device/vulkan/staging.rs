@@ -60,8 +60,7 @@ impl Staging {
         while done < bytes.len() {
             let at = self.reserve(submitter, bytes.len() - done)?;
             let size = (self.window()?.len() - at).min(bytes.len() - done);
-            let region =
-                vk::BufferCopy { src_offset: first + done as u64, dst_offset: at as u64, size: size as u64 };
+            let region = vk::BufferCopy { src_offset: first + done as u64, dst_offset: at as u64, size: size as u64 };
             let to = self.window.buffer();
             submitter.submit(|device, commands| {
                 // SAFETY: the region lies in both buffers, which are alive and of this device.
