@@ -2,7 +2,7 @@
 
 use prbvh::build::DeviceTree;
 use prbvh::device::cpu::CpuDevice;
-use prbvh::device::{Buffer, Device, DeviceError, DeviceInfo, Dispatch, MemoryUse, Recording, Timing};
+use prbvh::device::{Buffer, Device, DeviceError, DeviceInfo, Dispatch, MemoryUse, Recording, Timing, Traffic};
 use prbvh::optimize::{CurrentTree, IterationRow, Order, PrbvhSettings, RbvhSettings, Strategy};
 use prbvh::pipeline::{Optimizer, Settings};
 use prbvh::scene::{SafeRange, built_in};
