@@ -3,7 +3,7 @@
 use crate::build::{MortonBits, TreeletSize};
 use crate::bvh::MaxDepth;
 use crate::collapse::CollapseSettings;
-use crate::optimize::{Limits, PrbvhSettings, RbvhSettings};
+use crate::optimize::{IterationRow, Limits, PrbvhSettings, RbvhSettings, WorstFirst};
 use serde::Serialize;
 use std::fmt;
 use std::num::NonZeroU32;
@@ -13,6 +13,7 @@ use std::path::PathBuf;
 /// A method that this program was built without.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{method} is not in this program: it was built without the cargo feature `{feature}`")]
+#[non_exhaustive]
 pub struct FeatureOff {
     /// The method.
     pub method: &'static str,
@@ -23,6 +24,7 @@ pub struct FeatureOff {
 /// Where the initial tree comes from.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Initial {
     /// LBVH (Karras 2012), on the device.
     #[default]
@@ -95,6 +97,7 @@ impl fmt::Display for Initial {
 /// What makes the initial tree better.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Optimizer {
     /// PRBVH (Meister & Bittner 2018) with [`Settings::prbvh`], on the device.
     #[default]
@@ -116,8 +119,24 @@ impl fmt::Display for Optimizer {
     }
 }
 
-/// Settings of a run.
+/// Settings of a run: the defaults, and what you set of them.
+///
+/// ```
+/// use prbvh::pipeline::{Initial, Settings};
+/// use std::time::Duration;
+///
+/// let mut settings = Settings::default();
+/// settings.initial = Initial::SahSweep;
+/// settings.limits_mut().max_time = Some(Duration::from_secs(2));
+/// // The same in an expression:
+/// let same = Settings::default().with(|settings| {
+///     settings.initial = Initial::SahSweep;
+///     settings.limits_mut().max_time = Some(Duration::from_secs(2));
+/// });
+/// assert_eq!(settings, same);
+/// ```
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Settings {
     /// Where the initial tree comes from.
     pub initial: Initial,
@@ -155,6 +174,24 @@ impl Settings {
         }
     }
 }
+
+/// What may grow is no literal outside of this library.
+macro_rules! with {
+    ($($settings:ty),+) => {$(
+        impl $settings {
+            /// The same after `change`, which sets fields: what a literal with a `..` would be.
+            #[must_use]
+            pub fn with(mut self, change: impl FnOnce(&mut Self)) -> Self {
+                change(&mut self);
+                self
+            }
+        }
+    )+};
+}
+
+with!(Settings, PrbvhSettings, WorstFirst, RbvhSettings, Limits, CollapseSettings, IterationRow);
+#[cfg(feature = "files")]
+with!(crate::scene::LoadOptions);
 
 #[cfg(test)]
 mod tests {

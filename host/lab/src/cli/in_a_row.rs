@@ -83,7 +83,7 @@ struct Row<'a> {
     folder: Option<&'a OutFolder>,
     summary: Option<Summary>,
     /// None after a failure: the device may be lost, and another scene gets a new one.
-    device: Option<Box<dyn Device>>,
+    device: Option<Box<dyn Device + Send>>,
     log: &'a Log,
     interrupt: &'a Interrupt,
     /// Why stdout could not be written. The files are worth going on for.

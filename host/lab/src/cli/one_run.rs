@@ -173,6 +173,7 @@ fn report(
     let (epsilon, epsilon_relative) = match settings.prbvh.epsilon {
         Epsilon::Relative(part) => (part, true),
         Epsilon::Absolute(change) => (change, false),
+        _ => unreachable!(),
     };
     let iterations = result.outcome.rows.last().map_or(0, |row| row.iteration);
     let handed_out = result.adaptive.unwrap_or(result.quality);

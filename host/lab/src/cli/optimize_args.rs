@@ -11,7 +11,7 @@ use clap::{Args, ValueEnum};
 use prbvh::build::{DEFAULT_RADIUS, MortonBits, TreeletSize};
 use prbvh::bvh::MaxDepth;
 use prbvh::device::DeviceChoice;
-use prbvh::optimize::{Epsilon, Order, PrbvhSettings, Strategy};
+use prbvh::optimize::{Epsilon, Order, Strategy};
 use prbvh::pipeline::{Initial, Settings};
 use std::ffi::OsString;
 use std::num::NonZeroU32;
@@ -96,41 +96,36 @@ impl OptimizeArgs {
     /// # Errors
     /// If two arguments contradict each other.
     pub(super) fn settings(&self) -> anyhow::Result<Settings> {
-        let defaults = PrbvhSettings::default();
-        let epsilon = match (self.epsilon, self.epsilon_absolute) {
+        let mut asked = Settings::default();
+        asked.optimizer = self.optimizer.settings(Beside {
+            mu: self.mu.is_some(),
+            epsilon: self.epsilon.is_some(),
+            epsilon_absolute: self.epsilon_absolute.is_some(),
+            strategy: self.strategy.is_some(),
+            is_worst_first: self.order == OrderArg::WorstFirst,
+        })?;
+        asked.initial = self.initial()?;
+        asked.morton_bits = match self.morton_bits {
+            MortonBitsArg::Thirty => MortonBits::Thirty,
+            MortonBitsArg::Sixty => MortonBits::Sixty,
+        };
+        asked.adaptive = self.leaves.settings();
+        asked.fold_duplicates = self.fold_duplicates;
+        asked.max_depth = self.max_depth;
+        let prbvh = &mut asked.prbvh;
+        prbvh.order = match self.order {
+            OrderArg::WorstFirst => Order::WorstFirst,
+            OrderArg::Published => Order::Published,
+        };
+        prbvh.strategy = match self.strategy.unwrap_or_default() {
+            StrategyArg::Aggressive => Strategy::Aggressive,
+            StrategyArg::Conservative => Strategy::Conservative,
+        };
+        prbvh.mu = self.mu.unwrap_or(prbvh.mu);
+        prbvh.epsilon = match (self.epsilon, self.epsilon_absolute) {
             (_, Some(change)) => Epsilon::Absolute(change),
             (Some(part), None) => Epsilon::Relative(part),
-            (None, None) => defaults.epsilon,
-        };
-        let asked = Settings {
-            optimizer: self.optimizer.settings(Beside {
-                mu: self.mu.is_some(),
-                epsilon: self.epsilon.is_some(),
-                epsilon_absolute: self.epsilon_absolute.is_some(),
-                strategy: self.strategy.is_some(),
-                is_worst_first: self.order == OrderArg::WorstFirst,
-            })?,
-            initial: self.initial()?,
-            morton_bits: match self.morton_bits {
-                MortonBitsArg::Thirty => MortonBits::Thirty,
-                MortonBitsArg::Sixty => MortonBits::Sixty,
-            },
-            prbvh: PrbvhSettings {
-                order: match self.order {
-                    OrderArg::WorstFirst => Order::WorstFirst,
-                    OrderArg::Published => Order::Published,
-                },
-                strategy: match self.strategy.unwrap_or_default() {
-                    StrategyArg::Aggressive => Strategy::Aggressive,
-                    StrategyArg::Conservative => Strategy::Conservative,
-                },
-                mu: self.mu.unwrap_or(defaults.mu),
-                epsilon,
-                ..defaults
-            },
-            adaptive: self.leaves.settings(),
-            fold_duplicates: self.fold_duplicates,
-            max_depth: self.max_depth,
+            (None, None) => prbvh.epsilon,
         };
         let mut settings = match self.preset {
             Some(preset) => preset.apply(asked),
@@ -209,7 +204,7 @@ fn treelet(text: &str) -> Result<TreeletSize, String> {
 mod tests {
     use super::super::args::{Cli, settings};
     use super::*;
-    use prbvh::optimize::RbvhSettings;
+    use prbvh::optimize::{PrbvhSettings, RbvhSettings};
 
     #[test]
     fn an_initial_tree_has_a_name_or_a_file() {

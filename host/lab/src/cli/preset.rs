@@ -39,7 +39,11 @@ impl PresetArg {
         };
         let Some(candidate) = preset.candidate() else { return asked };
         let chosen = candidate.settings();
-        Settings { initial: chosen.initial, optimizer: chosen.optimizer, prbvh: chosen.prbvh, ..asked }
+        asked.with(|s| {
+            s.initial = chosen.initial;
+            s.optimizer = chosen.optimizer;
+            s.prbvh = chosen.prbvh;
+        })
     }
 }
 
@@ -47,7 +51,6 @@ impl PresetArg {
 mod tests {
     use super::super::args::settings;
     use super::*;
-    use prbvh::pipeline::Optimizer;
     use std::time::Duration;
 
     #[test]
@@ -57,10 +60,7 @@ mod tests {
             assert_eq!(settings(&format!("--preset {name}")), Ok(expected.clone()), "{name}");
             let limited =
                 settings(&format!("--preset {name} --max-time 2 --max-iterations 7 --morton-bits 30")).unwrap();
-            let limits = match &limited.optimizer {
-                Optimizer::Rbvh(settings) => settings.limits.clone(),
-                Optimizer::Prbvh | Optimizer::None => limited.prbvh.limits,
-            };
+            let limits = limited.limits();
             assert_eq!((limits.max_time, limits.max_iterations), (Some(Duration::from_secs(2)), 7), "{name}");
             assert_eq!((&limited.initial, limited.prbvh.mu), (&expected.initial, expected.prbvh.mu));
             assert_ne!(limited.morton_bits, expected.morton_bits);

@@ -9,7 +9,7 @@ use prbvh::build::MortonBits;
 use prbvh::build::TreeletSize;
 use prbvh::device::DeviceError;
 use prbvh::device::cpu::CpuDevice;
-use prbvh::optimize::{self, IterationRow, Order, PrbvhSettings, RbvhSettings, StopReason};
+use prbvh::optimize::{self, IterationRow, Order, RbvhSettings, StopReason};
 use prbvh::pipeline::{Initial, Optimizer, Settings};
 use prbvh::stop::Stop;
 use prbvh_kernel::node::Node;
@@ -130,24 +130,30 @@ const METHODS: &[Entry] = &[
 ];
 
 fn initial(method: String, initial: Initial) -> Job {
-    let settings = Settings { initial, optimizer: Optimizer::None, ..Settings::default() };
+    let settings = Settings::default().with(|s| {
+        s.initial = initial;
+        s.optimizer = Optimizer::None;
+    });
     Job { method, mu: None, builder: Builder::Pipeline(Box::new(settings)) }
 }
 
 /// PRBVH as published, with `settings` but for order and first µ.
 pub(super) fn published(settings: Settings, mu: u32) -> Job {
-    let prbvh = PrbvhSettings { order: Order::Published, mu, ..settings.prbvh.clone() };
+    let prbvh = settings.prbvh.clone().with(|s| {
+        s.order = Order::Published;
+        s.mu = mu;
+    });
     Job {
         method: "prbvh".to_owned(),
         mu: Some(mu),
-        builder: Builder::Pipeline(Box::new(Settings { prbvh, ..settings })),
+        builder: Builder::Pipeline(Box::new(settings.with(|s| s.prbvh = prbvh))),
     }
 }
 
 /// PRBVH, the worst nodes first, with `settings` but for the order.
 pub(super) fn worst_first(settings: Settings) -> Job {
-    let prbvh = PrbvhSettings { order: Order::WorstFirst, ..settings.prbvh.clone() };
-    let builder = Builder::Pipeline(Box::new(Settings { prbvh, ..settings }));
+    let prbvh = settings.prbvh.clone().with(|s| s.order = Order::WorstFirst);
+    let builder = Builder::Pipeline(Box::new(settings.with(|s| s.prbvh = prbvh)));
     Job { method: "prbvh worst first".to_owned(), mu: None, builder }
 }
 
@@ -173,7 +179,7 @@ fn rbvh(method: &str, build: HostBuilder) -> Job {
 }
 
 fn rbvh_as_published(triangles: &[Triangle], stop: &Stop) -> Result<HostBuilt, MethodError> {
-    run_rbvh(triangles, RbvhSettings { undo: false, ..RbvhSettings::default() }, stop)
+    run_rbvh(triangles, RbvhSettings::default().with(|s| s.undo = false), stop)
 }
 
 fn rbvh_with_undo(triangles: &[Triangle], stop: &Stop) -> Result<HostBuilt, MethodError> {

@@ -25,6 +25,7 @@ pub struct Pass {
 
 /// What the restructuring of a tree did.
 #[derive(Clone, Debug, Default)]
+#[non_exhaustive]
 pub struct Restructured {
     /// The passes in their order; none where the tree has only one shape.
     pub passes: Vec<Pass>,

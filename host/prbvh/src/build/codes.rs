@@ -11,6 +11,7 @@ use serde::Serialize;
 
 /// Length of the Morton codes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub enum MortonBits {
     /// Ten bits per axis.
     #[serde(rename = "30")]
@@ -23,6 +24,7 @@ pub enum MortonBits {
 
 /// What a builder computes and sorts of the Morton codes. From [`MortonBits`] alone: all bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Codes {
     /// Length of the codes.
     pub bits: MortonBits,
@@ -57,6 +59,7 @@ const FIRST_CHUNK: usize = 1 << 10;
 
 /// What the codes of 60 bits tell. It takes no longer than what it can save.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct CodeCensus {
     /// Bits in which the upper words (the codes of 30 bits) differ; all if not every code was looked at.
     pub differing_high: u32,

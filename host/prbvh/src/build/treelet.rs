@@ -11,6 +11,7 @@ pub struct TreeletSize(u32);
 /// A number of leaves that no treelet has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("a treelet has {min} to {max} leaves, not {leaves}", min = TreeletSize::MIN, max = TreeletSize::MAX)]
+#[non_exhaustive]
 pub struct TreeletSizeError {
     leaves: u32,
 }

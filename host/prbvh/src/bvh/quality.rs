@@ -22,6 +22,7 @@ impl Default for SahModel {
 
 /// Quality of a tree.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Quality {
     /// `(c_traversal · Σ area(internal) + c_intersect · Σ area(leaf) · triangles) / area(root)`, unitless.
     ///

@@ -87,6 +87,7 @@ pub fn on_host<T: Send>(device: &dyn Device, work: impl FnOnce() -> T + Send) ->
 
 /// What a device is and can do.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct DeviceInfo {
     /// Name as the driver or the system gives it.
     pub name: String,
@@ -104,6 +105,23 @@ pub struct DeviceInfo {
     pub atomics_64: bool,
     /// Invocations that keep the device busy: work is cut into about this many chunks where the cut is free.
     pub busy_invocations: u32,
+}
+
+impl DeviceInfo {
+    /// A device of 32-bit atomics without known limits, for who has a [`Device`] of their own; the fields say more.
+    #[must_use]
+    pub fn new(name: impl Into<String>, kind: DeviceKind) -> Self {
+        Self {
+            name: name.into(),
+            kind,
+            driver: String::new(),
+            max_buffer_bytes: u64::MAX,
+            max_buffer_limit: "address space",
+            memory_bytes: 0,
+            atomics_64: false,
+            busy_invocations: 1,
+        }
+    }
 }
 
 /// Kind of device.

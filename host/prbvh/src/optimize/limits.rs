@@ -6,6 +6,7 @@ use std::time::Duration;
 
 /// What ends an optimiser early. An iteration is a batch of RBVH.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Limits {
     /// Most iterations.
     pub max_iterations: u32,
@@ -52,6 +53,7 @@ impl Limits {
 /// Why the optimiser stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum StopReason {
     /// The cost no longer changes by more than epsilon with µ = 1, or nothing moves.
     Converged,

@@ -13,6 +13,7 @@ use std::fmt;
 /// When a reinsertion may run beside others (Meister & Bittner 2018, §4.3).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Strategy {
     /// If their links do not overlap: more of them, whose decreases of the cost need not add up. The cost may rise.
     #[default]

@@ -7,6 +7,7 @@ use std::time::Duration;
 /// A change of the SAH cost that counts as none.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Epsilon {
     /// As a part of the initial cost.
     Relative(f64),
@@ -17,6 +18,7 @@ pub enum Epsilon {
 /// Which nodes are searched first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Order {
     /// Those that look worst, few at first and then ever more of them; both children of each move ([`prbvh_kernel::prbvh::worst`]).
     #[default]
@@ -37,6 +39,7 @@ impl std::fmt::Display for Order {
 
 /// How [`Order::WorstFirst`] searches.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct WorstFirst {
     /// Nodes of the first round.
     pub first: u32,
@@ -97,6 +100,7 @@ impl Default for WorstFirst {
 
 /// Settings of the optimiser.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct PrbvhSettings {
     /// Which nodes are searched first.
     pub order: Order,

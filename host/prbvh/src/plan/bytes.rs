@@ -5,6 +5,7 @@ use serde::Serialize;
 
 /// Device memory of a phase, what outlives the phases before it included.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct PhaseBytes {
     /// Name.
     pub phase: String,

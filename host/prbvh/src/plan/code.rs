@@ -9,6 +9,7 @@ use std::fmt;
 
 /// Kernels, and the bytes of their SPIR-V modules.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct CodeSize {
     /// Kernels.
     pub kernels: usize,
@@ -41,6 +42,7 @@ fn spirv_bytes(_: Kernel) -> u64 {
 
 /// What of the program's device code a run takes.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct DeviceCode {
     /// Whether the device compiles a module when its kernel is first run; else kernels are native code of the program.
     pub compiled_at_run: bool,

@@ -7,6 +7,7 @@ use std::fmt;
 /// Something that a run can do without.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Omission {
     /// Morton codes and their sort.
     Codes,
@@ -72,6 +73,7 @@ impl fmt::Display for Omission {
 /// What became of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Status {
     /// The run does without.
     LeftOut,
@@ -97,6 +99,7 @@ impl fmt::Display for Status {
 
 /// What leaving it out saves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Saving {
     /// Device memory at the peak of the phase, bytes.
     pub bytes: u64,
@@ -114,6 +117,7 @@ pub struct Saving {
 
 /// One decision: what is left out or not, why, and what that saves.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Item {
     /// What the decision is about.
     pub omission: Omission,

@@ -26,6 +26,7 @@ use std::sync::Arc;
 
 /// What a run will do.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Plan {
     /// Triangles that it was made for.
     pub triangles: usize,
@@ -52,6 +53,7 @@ pub struct Plan {
 
 /// A plan that was made for something else, or was changed since.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum PlanMismatch {
     /// Another scene.
     #[error("the plan was made for another scene: its hash is {planned}, not {scene}")]

@@ -6,6 +6,7 @@ use std::hash::{DefaultHasher, Hasher};
 
 /// Counts and measures of a scene of at least one triangle, all of finite coordinates.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Census {
     /// Triangles.
     pub triangles: usize,

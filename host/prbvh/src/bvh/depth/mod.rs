@@ -126,6 +126,7 @@ impl FromStr for MaxDepth {
 /// A bound that no tree over so many leaves can keep to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("no tree over {leaves} triangles has a depth of at most {max_depth}: the least is {least}")]
+#[non_exhaustive]
 pub struct TooShallow {
     /// The bound.
     pub max_depth: u32,
@@ -140,6 +141,7 @@ pub const SAH_BUDGET: f64 = 0.1;
 
 /// What a bound on the depth changed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct DepthBound {
     /// The bound: most links between the root and a leaf.
     pub max_depth: u32,

@@ -9,6 +9,7 @@ use std::fmt;
 
 /// A Vulkan device as `prbvh devices` shows it.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct DeviceSummary {
     /// Number by which it can be chosen.
     pub index: usize,
@@ -45,6 +46,7 @@ pub struct DeviceSummary {
 /// Something that the kernels need and a device lacks.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Missing {
     /// A feature, by its name.
     Feature(&'static str),

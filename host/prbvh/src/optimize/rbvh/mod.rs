@@ -30,6 +30,7 @@ use std::time::Instant;
 
 /// Settings of RBVH.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct RbvhSettings {
     /// Part of the nodes with a grandparent that a batch takes, above 0 and at most 1; but 32 nodes at least.
     pub batch: f64,
