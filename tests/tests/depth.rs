@@ -65,7 +65,7 @@ fn every_way_to_a_tree_keeps_to_the_bound_on_every_device() {
     file::write(&file, &chain(&scene.triangles), &scene.hash).unwrap();
     // LBVH is shallow, and where there is nothing to gain it stays so.
     let ploc = Settings::default().with(|s| s.initial = Initial::Ploc { radius: DEFAULT_RADIUS });
-    let chain = Settings::default().with(|s| s.initial = Initial::File(file));
+    let chain = Settings::default().with(|s| s.initial = Initial::File { path: file });
     let published = ploc.clone().with(|s| s.prbvh = PrbvhSettings::published());
     let adaptive = ploc.clone().with(|s| s.adaptive = Some(CollapseSettings::default()));
     let folded = adaptive.clone().with(|s| s.fold_duplicates = true);

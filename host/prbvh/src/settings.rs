@@ -45,7 +45,10 @@ pub enum Initial {
     SahBinned,
     /// A `tree.bvh` over the same scene with one triangle per leaf; only with the cargo feature `files`.
     #[cfg(feature = "files")]
-    File(PathBuf),
+    File {
+        /// Where it is.
+        path: PathBuf,
+    },
 }
 
 impl Initial {
@@ -62,7 +65,7 @@ impl Initial {
     /// Whether it is read.
     pub(crate) fn is_file(&self) -> bool {
         #[cfg(feature = "files")]
-        return matches!(self, Self::File(_));
+        return matches!(self, Self::File { .. });
         #[cfg(not(feature = "files"))]
         return false;
     }
@@ -89,7 +92,7 @@ impl fmt::Display for Initial {
             Self::SahSweep => f.write_str("sah-sweep"),
             Self::SahBinned => f.write_str("sah-binned"),
             #[cfg(feature = "files")]
-            Self::File(path) => path.display().fmt(f),
+            Self::File { path } => path.display().fmt(f),
         }
     }
 }

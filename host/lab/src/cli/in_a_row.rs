@@ -160,7 +160,7 @@ impl<'a> Row<'a> {
 
 /// Whether an earlier run tells all that this one would: not of the numbers that are to be checked, nor of a tree file, which may be another by now.
 fn can_be_skipped(args: &OptimizeArgs, settings: &Settings) -> bool {
-    !args.check_numerics && !matches!(settings.initial, Initial::File(_))
+    !args.check_numerics && !matches!(settings.initial, Initial::File { .. })
 }
 
 fn heading() -> String {

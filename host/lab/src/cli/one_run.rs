@@ -29,7 +29,7 @@ const TREE: &str = "tree.bvh";
 /// What a run reads beside its scenes.
 pub(super) fn other_inputs<'a>(args: &'a OptimizeArgs, settings: &'a Settings) -> impl Iterator<Item = &'a Path> {
     let initial = match &settings.initial {
-        Initial::File(path) => Some(&**path),
+        Initial::File { path } => Some(&**path),
         _ => None,
     };
     initial.into_iter().chain(args.scenes.list())

@@ -189,7 +189,7 @@ fn initial(text: OsString) -> Result<Initial, String> {
         Some("sah-sweep") => Ok(Initial::SahSweep),
         Some("sah-binned") => Ok(Initial::SahBinned),
         _ if Path::new(&text).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("bvh")) => {
-            Ok(Initial::File(text.into()))
+            Ok(Initial::File { path: text.into() })
         }
         _ => Err("neither lbvh, ploc, atrbvh, sah-sweep, sah-binned nor a tree file that ends in .bvh".to_owned()),
     }
@@ -223,7 +223,7 @@ mod tests {
         assert_eq!(initial("--initial atrbvh --treelet 32"), atrbvh(32));
         assert_eq!(initial("--initial sah-sweep"), Ok(Initial::SahSweep));
         assert_eq!(initial("--initial sah-binned"), Ok(Initial::SahBinned));
-        assert_eq!(initial("--initial out/tree.BVH"), Ok(Initial::File("out/tree.BVH".into())));
+        assert_eq!(initial("--initial out/tree.BVH"), Ok(Initial::File { path: "out/tree.BVH".into() }));
         for name in ["lbvh", "ploc", "sah-sweep", "sah-binned", "a.bvh"] {
             let arguments = format!("--initial {name}");
             assert_eq!(initial(&arguments).unwrap().to_string(), name);

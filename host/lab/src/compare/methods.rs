@@ -220,7 +220,7 @@ pub struct NoSuchMethod {
 #[must_use]
 pub fn method_names() -> Vec<&'static str> {
     let mut names: Vec<&str> = METHODS.iter().map(|entry| entry.name).collect();
-    for peer in peers::PEERS {
+    for peer in peers::all() {
         if !names.contains(&peer.name) {
             names.push(peer.name);
         }
@@ -235,7 +235,7 @@ pub fn method_names() -> Vec<&'static str> {
 pub fn jobs(names: &[String], settings: &MethodSettings) -> Result<Vec<Job>, NoSuchMethod> {
     if names.is_empty() {
         let ours = METHODS.iter().filter(|entry| entry.is_default).flat_map(|entry| (entry.jobs)(settings));
-        return Ok(ours.chain(peers::PEERS.iter().filter(|known| known.is_default).map(peer)).collect());
+        return Ok(ours.chain(peers::all().filter(|known| known.is_default).map(peer)).collect());
     }
     let mut jobs = Vec::new();
     for (k, name) in names.iter().enumerate() {
@@ -246,7 +246,7 @@ pub fn jobs(names: &[String], settings: &MethodSettings) -> Result<Vec<Job>, NoS
         if let Some(entry) = METHODS.iter().find(|entry| entry.name == name) {
             jobs.extend((entry.jobs)(settings));
         }
-        jobs.extend(peers::PEERS.iter().filter(|known| known.name == name).map(peer));
+        jobs.extend(peers::all().filter(|known| known.name == name).map(peer));
         if jobs.len() == before {
             return Err(NoSuchMethod { name: name.clone(), known: method_names().join(", ") });
         }
