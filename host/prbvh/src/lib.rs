@@ -101,6 +101,7 @@
 //! |---|---|---|
 //! | `vulkan` | GPUs | yes |
 //! | `atrbvh` | the builder ATRBVH, which may be patented: see NOTICE | yes |
+//! | `serde` | settings, plans and outcomes as data of [serde](https://serde.rs) | no |
 //! | `files` | scene files, tree files, compiled pipelines of Vulkan kept from run to run | no |
 
 pub mod build;
@@ -120,6 +121,8 @@ pub mod trace;
 #[cfg(feature = "files")]
 #[doc(hidden)]
 pub mod write;
+#[cfg(feature = "serde")]
+mod written;
 
 pub use bvh::Bvh;
 pub use device::{Device, DeviceChoice, DeviceError, open as open_device};

@@ -4,7 +4,6 @@ use crate::build::{MortonBits, TreeletSize};
 use crate::bvh::MaxDepth;
 use crate::collapse::CollapseSettings;
 use crate::optimize::{IterationRow, Limits, PrbvhSettings, RbvhSettings, WorstFirst};
-use serde::Serialize;
 use std::fmt;
 use std::num::NonZeroU32;
 #[cfg(feature = "files")]
@@ -22,8 +21,12 @@ pub struct FeatureOff {
 }
 
 /// Where the initial tree comes from.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(tag = "initial", rename_all = "kebab-case")
+)]
 #[non_exhaustive]
 pub enum Initial {
     /// LBVH (Karras 2012), on the device.
@@ -47,6 +50,7 @@ pub enum Initial {
     #[cfg(feature = "files")]
     File {
         /// Where it is.
+        #[cfg_attr(feature = "serde", serde(serialize_with = "crate::written::path"))]
         path: PathBuf,
     },
 }
@@ -98,8 +102,12 @@ impl fmt::Display for Initial {
 }
 
 /// What makes the initial tree better.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(tag = "optimizer", content = "rbvh", rename_all = "kebab-case")
+)]
 #[non_exhaustive]
 pub enum Optimizer {
     /// PRBVH (Meister & Bittner 2018) with [`Settings::prbvh`], on the device.
@@ -138,16 +146,21 @@ impl fmt::Display for Optimizer {
 /// });
 /// assert_eq!(settings, same);
 /// ```
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+/// With the cargo feature `serde` they are one object of plain keys, which reports have as it is.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 #[non_exhaustive]
 pub struct Settings {
     /// Where the initial tree comes from.
+    #[cfg_attr(feature = "serde", serde(flatten))]
     pub initial: Initial,
     /// Length of the Morton codes.
     pub morton_bits: MortonBits,
     /// The optimiser.
+    #[cfg_attr(feature = "serde", serde(flatten))]
     pub optimizer: Optimizer,
     /// Settings of [`Optimizer::Prbvh`].
+    #[cfg_attr(feature = "serde", serde(flatten))]
     pub prbvh: PrbvhSettings,
     /// Adaptive leaves after the optimisation; none: one triangle per leaf.
     pub adaptive: Option<CollapseSettings>,

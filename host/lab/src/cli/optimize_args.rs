@@ -2,7 +2,7 @@
 
 use super::leaves::LeavesArgs;
 use super::optimizer::{Beside, OptimizerArgs};
-use super::preset::{PRESET_SETS, PresetArg};
+use super::preset::{self, PRESET_SETS};
 use super::scenes::ScenesArgs;
 use super::target::TargetArgs;
 use super::values::{not_negative, threads};
@@ -13,6 +13,7 @@ use prbvh::bvh::MaxDepth;
 use prbvh::device::DeviceChoice;
 use prbvh::optimize::{Epsilon, Order, Strategy};
 use prbvh::pipeline::{Initial, Settings};
+use prbvh_lab::presets::Preset;
 use std::ffi::OsString;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
@@ -42,7 +43,7 @@ pub(super) struct OptimizeArgs {
     pub(super) order: OrderArg,
     /// Settings that were chosen by measurement, in place of those of the initial tree and the optimiser.
     #[arg(long, value_enum, conflicts_with_all = PRESET_SETS)]
-    pub(super) preset: Option<PresetArg>,
+    pub(super) preset: Option<Preset>,
     #[command(flatten)]
     pub(super) target: TargetArgs,
     #[command(flatten)]
@@ -128,7 +129,7 @@ impl OptimizeArgs {
             (None, None) => prbvh.epsilon,
         };
         let mut settings = match self.preset {
-            Some(preset) => preset.apply(asked),
+            Some(preset) => preset::applied(preset, asked),
             None => asked,
         };
         let limits = settings.limits_mut();

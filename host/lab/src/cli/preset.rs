@@ -1,6 +1,5 @@
 //! `--preset`: the settings that [`prbvh_lab::presets`] has for it.
 
-use clap::ValueEnum;
 use prbvh::pipeline::Settings;
 use prbvh_lab::presets::Preset;
 
@@ -19,32 +18,15 @@ pub(super) const PRESET_SETS: [&str; 11] = [
     "epsilon_absolute",
 ];
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum PresetArg {
-    /// A tree soon.
-    Fast,
-    /// Most of what can be gained, in a part of the time.
-    Balanced,
-    /// The lowest cost, as long as it takes.
-    Best,
-}
-
-impl PresetArg {
-    /// `asked` with the preset's initial tree and optimiser, and its limits.
-    pub(super) fn apply(self, asked: Settings) -> Settings {
-        let preset = match self {
-            Self::Fast => Preset::Fast,
-            Self::Balanced => Preset::Balanced,
-            Self::Best => Preset::Best,
-        };
-        let Some(candidate) = preset.candidate() else { return asked };
-        let chosen = candidate.settings();
-        asked.with(|s| {
-            s.initial = chosen.initial;
-            s.optimizer = chosen.optimizer;
-            s.prbvh = chosen.prbvh;
-        })
-    }
+/// `asked` with the preset's initial tree and optimiser, and its limits.
+pub(super) fn applied(preset: Preset, asked: Settings) -> Settings {
+    let Some(candidate) = preset.candidate() else { return asked };
+    let chosen = candidate.settings();
+    asked.with(|settings| {
+        settings.initial = chosen.initial;
+        settings.optimizer = chosen.optimizer;
+        settings.prbvh = chosen.prbvh;
+    })
 }
 
 #[cfg(test)]

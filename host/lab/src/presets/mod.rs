@@ -13,7 +13,8 @@ use prbvh::pipeline::{Initial, Optimizer, Settings};
 use std::fmt;
 
 /// What a user wants most.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Preset {
     /// A tree soon.
     Fast,

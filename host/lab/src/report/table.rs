@@ -35,8 +35,8 @@ fn outcome(report: &RunReport, width: u16) -> Table {
     row("scene", report.scene.clone());
     row("triangles", format::count(report.triangles.into()));
     row("device", report.device.clone());
-    row("initial cost", format!("{} ({})", cost(report.initial_cost), report.settings.initial));
-    row("final cost", format!("{} ({})", cost(report.final_cost), report.settings.optimizer));
+    row("initial cost", format!("{} ({})", cost(report.initial_cost), report.settings.run.initial));
+    row("final cost", format!("{} ({})", cost(report.final_cost), report.settings.run.optimizer));
     if ratio.is_finite() {
         row("final / initial", format!("{ratio:.4}"));
     }

@@ -1,11 +1,13 @@
 //! A report for tests.
 
 use super::*;
-use prbvh::bvh::{MaxDepth, Quality, SahModel};
-use prbvh::device::{DeviceInfo, DeviceKind, Timing};
-use prbvh::optimize::{IterationRow, set_relative_errors};
-use prbvh::plan::{Plan, Status};
+use prbvh::Settings;
+use prbvh::bvh::Quality;
+use prbvh::device::Timing;
+use prbvh::device::cpu::CpuDevice;
+use prbvh::optimize::{IterationRow, PrbvhSettings, set_relative_errors};
 use prbvh::scene::built_in;
+use std::ops::ControlFlow;
 
 /// A run of so many iterations whose cost falls from 312.5 towards 195, with a bump now and then.
 pub(super) fn report(iterations: u32) -> RunReport {
@@ -46,67 +48,26 @@ pub(super) fn report(iterations: u32) -> RunReport {
     let mut times = PhaseTimes::default();
     times.add(&[Timing { label: "search", seconds: 1.6 }, Timing { label: "refit", seconds: 0.3 }]);
     times.add(&[Timing { label: "lock", seconds: 0.1 }, Timing { label: "refit", seconds: 0.0 }]);
-    let mut info = DeviceInfo::new("AMD EPYC 7763 64-Core Processor", DeviceKind::Cpu);
-    info.driver = "2 threads".to_owned();
-    info.memory_bytes = 24 << 30;
-    info.atomics_64 = true;
-    info.busy_invocations = 2;
-    let planned = Plan::of(&built_in(100), &info, &prbvh::pipeline::Settings::default(), &[]).unwrap();
-    RunReport {
-        schema: SCHEMA,
-        scene: "sponza_crytek".to_owned(),
-        triangles: 262_267,
-        device: "AMD EPYC 7763 64-Core Processor".to_owned(),
-        initial_cost: rows[0].cost,
-        final_cost,
-        reference: None,
-        adaptive_cost: None,
-        leaves: 262_267,
-        depth: 38,
-        bound: None,
-        iterations,
-        time_s: rows[rows.len() - 1].time_s,
-        tree_hash: "00112233445566778899aabbccddeeff".to_owned(),
-        phases: times.phases(),
-        build_s: 0.0423,
-        stop_reason: "converged: change of cost below ε at µ = 1".to_owned(),
-        plan: planned.lines(),
-        plan_items: planned.items.into_iter().filter(|item| item.status == Status::LeftOut).collect(),
-        code: planned.code,
-        settings: Settings {
-            initial: "lbvh".to_owned(),
-            radius: None,
-            treelet: None,
-            optimizer: "prbvh".to_owned(),
-            fold_duplicates: false,
-            max_depth: MaxDepth::default(),
-            rbvh: None,
-            strategy: "aggressive".to_owned(),
-            order: "published".to_owned(),
-            worst_first: None,
-            mu: 9,
-            epsilon: 1e-4,
-            epsilon_relative: true,
-            max_iterations: Some(1000),
-            max_time_s: None,
-            target_cost: None,
-            preset: None,
-            threads: None,
-            sah: SahModel::default(),
-            adaptive: None,
-        },
-        memory: Memory::new(40 << 20, 262_267),
-        quality: QualityReport { initial: quality(rows[0].cost, 41), last: quality(final_cost, 38) },
-        scene_details: SceneReport {
-            source: "sponza_crytek.obj.xz".to_owned(),
-            hash: "ffeeddccbbaa99887766554433221100".to_owned(),
-            census: serde_json::json!({ "duplicates": 7 }),
-            notes: Vec::new(),
-        },
-        device_details: info,
-        machine: Machine::current(),
-        program: Program::current(),
-        accuracy: None,
-        rows,
-    }
+
+    // A run, and then the numbers of a larger one.
+    let scene = built_in(100);
+    let mut device = CpuDevice::new(1).unwrap();
+    let settings = Settings::default().with(|s| s.prbvh = PrbvhSettings::published());
+    let run = prbvh::optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+    let mut report = RunReport::of(&scene, &device, settings.into(), &run);
+    report.scene = "sponza_crytek".to_owned();
+    report.triangles = 262_267;
+    report.device = "AMD EPYC 7763 64-Core Processor".to_owned();
+    (report.initial_cost, report.final_cost) = (rows[0].cost, final_cost);
+    (report.leaves, report.depth) = (262_267, 38);
+    report.iterations = iterations;
+    report.time_s = rows[rows.len() - 1].time_s;
+    report.phases = times.phases();
+    report.build_s = 0.0423;
+    report.stop_reason = "converged: change of cost below ε at µ = 1".to_owned();
+    report.memory = Memory::new(40 << 20, 262_267);
+    report.quality = QualityReport { initial: quality(rows[0].cost, 41), last: quality(final_cost, 38) };
+    report.scene_details.census = serde_json::json!({ "duplicates": 7 });
+    report.rows = rows;
+    report
 }

@@ -23,8 +23,6 @@ pub use record::{Buffer, Command, Counted, Dispatch, Recording};
 pub use stoppable::Stoppable;
 pub(crate) use watched::Watched;
 
-use serde::Serialize;
-
 /// Runs recordings on buffers that it owns.
 pub trait Device {
     /// What the device is and can do.
@@ -86,7 +84,8 @@ pub fn on_host<T: Send>(device: &dyn Device, work: impl FnOnce() -> T + Send) ->
 }
 
 /// What a device is and can do.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct DeviceInfo {
     /// Name as the driver or the system gives it.
@@ -125,8 +124,8 @@ impl DeviceInfo {
 }
 
 /// Kind of device.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "kebab-case"))]
 pub enum DeviceKind {
     /// The kernels compiled natively.
     Cpu,
@@ -146,7 +145,8 @@ pub struct Timing {
 }
 
 /// Memory of a device in buffers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct MemoryUse {
     /// Bytes now.
     pub bytes: u64,

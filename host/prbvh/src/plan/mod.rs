@@ -20,12 +20,12 @@ use crate::fold::Fold;
 use crate::scene::Scene;
 use crate::settings::{Optimizer, Settings};
 use prbvh_kernel::Kernel;
-use serde::Serialize;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// What a run will do.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct Plan {
     /// Triangles that it was made for.
@@ -47,7 +47,7 @@ pub struct Plan {
     /// References that the tree is built and optimised over: triangles, less those folded.
     pub references: usize,
     /// Classes of triangles with equal boxes, where they are folded.
-    #[serde(skip)]
+    #[cfg_attr(feature = "serde", serde(skip))]
     pub(crate) fold: Option<Arc<Fold>>,
 }
 

@@ -19,15 +19,30 @@ mod shape;
 use super::quality::{Quality, SahModel, quality};
 use super::{Bvh, Content, ROOT, TreeFault};
 use rebuild::Rebuilt;
-use serde::{Deserialize, Serialize};
 use shape::Shape;
 use std::fmt;
 use std::str::FromStr;
 
 /// Most links between the root and a leaf, or no bound.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(transparent)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(from = "Option<u32>", into = "Option<u32>")
+)]
 pub struct MaxDepth(Option<u32>);
+
+impl From<Option<u32>> for MaxDepth {
+    fn from(links: Option<u32>) -> Self {
+        links.map_or(Self::OFF, Self::new)
+    }
+}
+
+impl From<MaxDepth> for Option<u32> {
+    fn from(depth: MaxDepth) -> Self {
+        depth.get()
+    }
+}
 
 impl MaxDepth {
     /// A tree may be as deep as it has leaves.
@@ -140,7 +155,8 @@ pub struct TooShallow {
 pub const SAH_BUDGET: f64 = 0.1;
 
 /// What a bound on the depth changed.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub struct DepthBound {
     /// The bound: most links between the root and a leaf.
