@@ -16,6 +16,7 @@ pub mod omissions;
 pub mod oracle;
 pub mod other_searches;
 pub mod planted;
+pub mod planted_peers;
 pub mod rays;
 pub mod scenes;
 pub mod worst;

@@ -134,16 +134,14 @@ pub fn hostile() -> Comparison {
 }
 
 fn device(name: &str, kind: DeviceKind) -> DeviceInfo {
-    DeviceInfo {
-        name: name.to_owned(),
-        kind,
-        driver: "Mesa 25.0.4, Vulkan 1.4.305".to_owned(),
-        max_buffer_bytes: 128 << 20,
-        max_buffer_limit: "maxStorageBufferRange",
-        memory_bytes: 8 << 30,
-        atomics_64: true,
-        busy_invocations: 2,
-    }
+    let mut info = DeviceInfo::new(name, kind);
+    info.driver = "Mesa 25.0.4, Vulkan 1.4.305".to_owned();
+    info.max_buffer_bytes = 128 << 20;
+    info.max_buffer_limit = "maxStorageBufferRange";
+    info.memory_bytes = 8 << 30;
+    info.atomics_64 = true;
+    info.busy_invocations = 2;
+    info
 }
 
 /// In [0, 1), by chance but the same every time.
@@ -320,22 +318,20 @@ fn run(
         let bump = if iteration % 9 == 8 { 0.002 * first * left } else { 0.0 };
         let found =
             f64::from(60_000 / mu.max(1)) * (0.4 + left) * (0.8 + 0.4 * chance(&[seed, m, u64::from(iteration)]));
-        IterationRow {
-            iteration,
-            mu: (f64::from(mu) * (1.0 - t)).ceil().max(1.0) as u32,
-            time_s: (seconds - build_s) * if iterations == 0 { 0.0 } else { t },
-            device_s: (seconds - build_s) * 0.95 * if iterations == 0 || !on_device { 0.0 } else { t },
-            cost: last + (first - last) * left + bump,
-            relative_error: 0.0,
-            searched: if iteration == 0 { 0 } else { 2 * found as u32 },
-            visits: if iteration == 0 { 0 } else { 90 * found as u32 },
-            found: if iteration == 0 { 0 } else { found as u32 },
-            owned: if iteration == 0 { 0 } else { (0.7 * found) as u32 },
+        IterationRow::default().with(|row| {
+            row.iteration = iteration;
+            row.mu = (f64::from(mu) * (1.0 - t)).ceil().max(1.0) as u32;
+            row.time_s = (seconds - build_s) * if iterations == 0 { 0.0 } else { t };
+            row.device_s = (seconds - build_s) * 0.95 * if iterations == 0 || !on_device { 0.0 } else { t };
+            row.cost = last + (first - last) * left + bump;
+            row.searched = if iteration == 0 { 0 } else { 2 * found as u32 };
+            row.visits = if iteration == 0 { 0 } else { 90 * found as u32 };
+            row.found = if iteration == 0 { 0 } else { found as u32 };
+            row.owned = if iteration == 0 { 0 } else { (0.7 * found) as u32 };
             // None in the last one.
-            applied: if iteration == 0 || iteration == iterations { 0 } else { (0.55 * found) as u32 },
-            most_steps: 900 + iteration,
-            predicted_decrease: 0.0,
-        }
+            row.applied = if iteration == 0 || iteration == iterations { 0 } else { (0.55 * found) as u32 };
+            row.most_steps = 900 + iteration;
+        })
     };
     let kinds = if !on_device {
         &PHASES[..0]

@@ -14,7 +14,8 @@ pub struct Narrow<'a> {
 impl<'a> Narrow<'a> {
     /// Of `device`.
     pub fn new(device: &'a mut dyn Device) -> Self {
-        let info = DeviceInfo { atomics_64: false, ..device.info().clone() };
+        let mut info = device.info().clone();
+        info.atomics_64 = false;
         Self { device, info }
     }
 }

@@ -23,9 +23,9 @@ const PRBVH: &str = env!("CARGO_BIN_EXE_prbvh-under-test");
 
 /// Worst first, and the published order with both strategies.
 fn orders() -> [Settings; 3] {
-    let conservative = PrbvhSettings { strategy: Strategy::Conservative, ..PrbvhSettings::published() };
+    let conservative = PrbvhSettings::published().with(|s| s.strategy = Strategy::Conservative);
     [PrbvhSettings::default(), PrbvhSettings::published(), conservative]
-        .map(|prbvh| Settings { prbvh, ..Settings::default() })
+        .map(|prbvh| Settings::default().with(|s| s.prbvh = prbvh))
 }
 
 /// What does not depend on time.
@@ -77,7 +77,7 @@ fn every_device_has_the_same_numbers_and_they_are_green() {
 
 #[test]
 fn the_sequential_optimiser_keeps_its_cost_to_a_few_roundings_of_f64() {
-    let settings = Settings { optimizer: Optimizer::Rbvh(RbvhSettings::default()), ..Settings::default() };
+    let settings = Settings::default().with(|s| s.optimizer = Optimizer::Rbvh(RbvhSettings::default()));
     let report = checked(&built_in(2000), &mut CpuDevice::new(1).unwrap(), &settings).unwrap();
     assert!(report.is_green() && report.search.is_none() && report.rows.len() > 10);
     assert!(report.worst_cost().unwrap().cost_error < 1e-12);
@@ -207,7 +207,11 @@ fn a_round_that_nobody_took_note_of_is_red() {
     let cost = prbvh::bvh::quality(&of_scene, &Default::default()).sah_cost;
     let mut check = NumericsCheck::new(&scene, &Settings::default());
     for iteration in [0, 1] {
-        let row = IterationRow { iteration, cost, searched: iteration, ..IterationRow::default() };
+        let row = IterationRow::default().with(|row| {
+            row.iteration = iteration;
+            row.cost = cost;
+            row.searched = iteration;
+        });
         assert!(check.observe(&row, CurrentTree::Device(&tree, &mut device, None)).is_continue());
     }
     tree.free(&mut device);
@@ -227,7 +231,7 @@ fn a_tree_that_is_none_is_red() {
     let mut observed = |nodes: &[prbvh_kernel::node::Node], cost: f64| {
         let tree = DeviceTree::upload(&mut device, nodes).unwrap();
         let mut check = NumericsCheck::new(&scene, &Settings::default());
-        let row = IterationRow { cost, ..IterationRow::default() };
+        let row = IterationRow::default().with(|row| row.cost = cost);
         assert!(check.observe(&row, CurrentTree::Device(&tree, &mut device, None)).is_continue());
         tree.free(&mut device);
         check.finish().unwrap().breaches.iter().map(|breach| breach.kind).collect::<Vec<_>>()

@@ -382,7 +382,7 @@ fn initials() -> [Initial; 6] {
 }
 
 fn run(scene: &Scene, initial: Initial, device: &mut dyn Device) -> Optimized {
-    let settings = Settings { initial, ..Settings::default() };
+    let settings = Settings::default().with(|s| s.initial = initial);
     optimize(scene, device, &settings, &mut |_| ControlFlow::Continue(())).unwrap()
 }
 
@@ -414,7 +414,7 @@ fn the_optimiser_goes_on_from_every_initial_tree() {
             // The best tree out of its file is the same tree to start from.
             let path = folder.path().join("best.bvh");
             file::write(&path, &result.tree, &scene.hash).unwrap();
-            let again = with_devices(|devices| run(scene, Initial::File(path), &mut *devices[0].1));
+            let again = with_devices(|devices| run(scene, Initial::File { path }, &mut *devices[0].1));
             assert_eq!(again.initial, result.quality, "{what}");
             assert!(optimised(&again) <= again.initial.sah_cost * (1.0 + 1e-6), "{what}");
         }
@@ -422,7 +422,7 @@ fn the_optimiser_goes_on_from_every_initial_tree() {
 }
 
 fn refusal(scene: &Scene, path: &std::path::Path) -> String {
-    let settings = Settings { initial: Initial::File(path.to_owned()), ..Settings::default() };
+    let settings = Settings::default().with(|s| s.initial = Initial::File { path: path.to_owned() });
     with_devices(|devices| {
         let device = &mut *devices[0].1;
         let error = optimize(scene, device, &settings, &mut |_| ControlFlow::Continue(())).unwrap_err();

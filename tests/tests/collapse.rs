@@ -19,6 +19,13 @@ struct Naive {
     cost: f32,
 }
 
+fn adaptive(sah: SahModel, max_leaf: Option<u32>) -> CollapseSettings {
+    CollapseSettings::default().with(|settings| {
+        settings.sah = sah;
+        settings.max_leaf = max_leaf;
+    })
+}
+
 /// The definition, by recursion over a stack of its own: a tree may be a chain.
 fn naive(tree: &NaiveTree, settings: &CollapseSettings) -> Naive {
     let root = tree.boxes[0].half_area();
@@ -121,7 +128,7 @@ fn random_trees_collapse_as_the_recursion_says() {
         let tree = random_tree(&boxes_of(&triangles), k as u64).encode();
         for (c_traversal, c_intersect) in models {
             for max_leaf in [None, Some(1), Some(3), Some(8)] {
-                let settings = CollapseSettings { sah: SahModel { c_traversal, c_intersect }, max_leaf };
+                let settings = adaptive(SahModel { c_traversal, c_intersect }, max_leaf);
                 check(&tree, &settings, &triangles, &format!("{n} triangles, {settings:?}"));
             }
         }
@@ -132,7 +139,7 @@ fn random_trees_collapse_as_the_recursion_says() {
 fn optimised(triangles: &[Triangle]) -> Vec<Node> {
     let mut device = prbvh::device::cpu::CpuDevice::new(2).unwrap();
     let (tree, _) = lbvh(&mut device, triangles, MortonBits::Sixty).unwrap();
-    let settings = PrbvhSettings { limits: Limits::iterations(5), ..PrbvhSettings::default() };
+    let settings = PrbvhSettings::default().with(|s| s.limits = Limits::iterations(5));
     prbvh(&mut device, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(())).unwrap();
     tree.download(&mut device).unwrap()
 }
@@ -152,7 +159,7 @@ fn the_built_in_scene_gets_cheaper() {
     let again = quality(&handed_out, &SahModel::default()).sah_cost;
     assert!((again / after.sah_cost - 1.0).abs() < 1e-6, "the scale does not matter: {again}, {}", after.sah_cost);
 
-    let limited = CollapseSettings { max_leaf: Some(4), ..CollapseSettings::default() };
+    let limited = CollapseSettings::default().with(|s| s.max_leaf = Some(4));
     let tree = check(&nodes, &limited, &triangles, "leaves of at most 4");
     let counts: Vec<u32> = leaves(&tree).iter().map(|leaf| leaf.1.len() as u32).collect();
     assert_eq!(counts.iter().max(), Some(&4));
@@ -165,7 +172,7 @@ fn a_tie_stays_a_node() {
     let corner = |a: [f32; 3]| Triangle { a: [0.0; 3], b: a, c: [1.0, 1.0, 0.0] };
     let triangles = [corner([1.0, 0.0, 0.0]), corner([0.0, 1.0, 0.0])];
     let tree = random_tree(&boxes_of(&triangles), 1).encode();
-    let with = |c_traversal| CollapseSettings { sah: SahModel { c_traversal, c_intersect: 2.0 }, max_leaf: None };
+    let with = |c_traversal| adaptive(SahModel { c_traversal, c_intersect: 2.0 }, None);
     assert_eq!(check(&tree, &with(0.0), &triangles, "equal costs").nodes.len(), 3);
     assert_eq!(check(&tree, &with(0.001), &triangles, "a leaf is cheaper").nodes.len(), 1);
 }
@@ -199,7 +206,7 @@ fn a_chain_collapses_too() {
         tree.children[p as usize] = vec![n - 1 + p, right];
         tree.boxes[p as usize] = tree.boxes[(n - 1 + p) as usize].union(tree.boxes[right as usize]);
     }
-    let single = CollapseSettings { max_leaf: Some(1), ..CollapseSettings::default() };
+    let single = CollapseSettings::default().with(|s| s.max_leaf = Some(1));
     let kept = check(&tree.encode(), &single, &triangles, "chain");
     assert_eq!(quality(&kept, &SahModel::default()).max_depth, n - 1);
     check(&tree.encode(), &CollapseSettings::default(), &triangles, "chain");
@@ -219,7 +226,7 @@ fn what_is_no_tree_is_refused() {
             let error = collapse(&mut **device, &tree, &CollapseSettings::default()).unwrap_err();
             assert!(matches!(error, CollapseError::InvalidTree { .. }), "{name}: {error}");
             for (c_traversal, max_leaf) in [(f64::NAN, None), (-1.0, None), (3.0, Some(0))] {
-                let settings = CollapseSettings { sah: SahModel { c_traversal, c_intersect: 2.0 }, max_leaf };
+                let settings = adaptive(SahModel { c_traversal, c_intersect: 2.0 }, max_leaf);
                 let error = collapse(&mut **device, &tree, &settings).unwrap_err();
                 assert!(matches!(error, CollapseError::Setting { .. }), "{name}: {error}");
             }
@@ -241,10 +248,13 @@ fn the_comparison_would_find_another_tree() {
 #[test]
 fn the_pipeline_hands_out_both_qualities() {
     let scene = built_in(3000);
-    let prbvh = PrbvhSettings { limits: Limits::iterations(10), ..PrbvhSettings::default() };
+    let prbvh = PrbvhSettings::default().with(|s| s.limits = Limits::iterations(10));
     let run = |adaptive| {
         let mut device = prbvh::device::cpu::CpuDevice::new(2).unwrap();
-        let settings = prbvh::pipeline::Settings { prbvh: prbvh.clone(), adaptive, ..Default::default() };
+        let settings = prbvh::pipeline::Settings::default().with(|s| {
+            s.prbvh = prbvh.clone();
+            s.adaptive = adaptive;
+        });
         let result = prbvh::pipeline::optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(()));
         result.unwrap()
     };

@@ -64,13 +64,13 @@ fn every_way_to_a_tree_keeps_to_the_bound_on_every_device() {
     let file = folder.path().join("chain.bvh");
     file::write(&file, &chain(&scene.triangles), &scene.hash).unwrap();
     // LBVH is shallow, and where there is nothing to gain it stays so.
-    let ploc = Settings { initial: Initial::Ploc { radius: DEFAULT_RADIUS }, ..Settings::default() };
-    let chain = Settings { initial: Initial::File(file), ..Settings::default() };
-    let published = Settings { prbvh: PrbvhSettings::published(), ..ploc.clone() };
-    let adaptive = Settings { adaptive: Some(CollapseSettings::default()), ..ploc.clone() };
-    let folded = Settings { fold_duplicates: true, ..adaptive.clone() };
-    let rbvh = Settings { optimizer: Optimizer::Rbvh(RbvhSettings::default()), ..chain.clone() };
-    let unoptimised = Settings { optimizer: Optimizer::None, ..chain };
+    let ploc = Settings::default().with(|s| s.initial = Initial::Ploc { radius: DEFAULT_RADIUS });
+    let chain = Settings::default().with(|s| s.initial = Initial::File { path: file });
+    let published = ploc.clone().with(|s| s.prbvh = PrbvhSettings::published());
+    let adaptive = ploc.clone().with(|s| s.adaptive = Some(CollapseSettings::default()));
+    let folded = adaptive.clone().with(|s| s.fold_duplicates = true);
+    let rbvh = chain.clone().with(|s| s.optimizer = Optimizer::Rbvh(RbvhSettings::default()));
+    let unoptimised = chain.with(|s| s.optimizer = Optimizer::None);
     let runs = [
         ("worst first", &scene, ploc),
         ("published", &scene, published),
@@ -92,12 +92,12 @@ fn every_way_to_a_tree_keeps_to_the_bound_on_every_device() {
         assert_eq!(handed_out.triangles as usize, scene.triangles.len(), "{name}");
         assert_eq!(MaxDepth::default().fault(&result.tree), None, "{name}");
 
-        let free = everywhere(scene, &Settings { max_depth: MaxDepth::OFF, ..settings.clone() });
+        let free = everywhere(scene, &settings.clone().with(|s| s.max_depth = MaxDepth::OFF));
         assert_eq!((free.bound, free.quality.max_depth), (None, bound.depth_before), "{name}");
         assert_eq!(free.quality.sah_cost, bound.cost_before, "{name}");
         assert!(settings.adaptive.is_some() || MaxDepth::default().fault(&free.tree).is_some(), "{name}");
         // A bound that the tree is within changes no bit of it.
-        let wide = Settings { max_depth: MaxDepth::new(bound.depth_before), ..settings };
+        let wide = settings.with(|s| s.max_depth = MaxDepth::new(bound.depth_before));
         let wide = everywhere(scene, &wide);
         assert!(wide.bound.is_none() && wide.tree == free.tree, "{name}");
     }
@@ -106,7 +106,7 @@ fn every_way_to_a_tree_keeps_to_the_bound_on_every_device() {
 #[test]
 fn the_tightest_bound_is_met_and_a_tighter_one_refused() {
     let scene = Scene::from_triangles("soup", soup(700, 0.2, 3)).unwrap();
-    let with = |links| Settings { max_depth: MaxDepth::new(links), ..Settings::default() };
+    let with = |links| Settings::default().with(|s| s.max_depth = MaxDepth::new(links));
     let mut rise = f64::INFINITY;
     for links in [10, 11] {
         let bound = everywhere(&scene, &with(links)).bound.unwrap();

@@ -12,9 +12,12 @@ use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 
 fn settings(max_leaf: Option<u32>) -> Settings {
-    let adaptive = CollapseSettings { max_leaf, ..CollapseSettings::default() };
-    let prbvh = PrbvhSettings { limits: Limits::iterations(5), ..PrbvhSettings::default() };
-    Settings { adaptive: Some(adaptive), prbvh, ..Settings::default() }
+    let adaptive = CollapseSettings::default().with(|s| s.max_leaf = max_leaf);
+    let prbvh = PrbvhSettings::default().with(|s| s.limits = Limits::iterations(5));
+    Settings::default().with(|s| {
+        s.adaptive = Some(adaptive);
+        s.prbvh = prbvh;
+    })
 }
 
 #[test]
@@ -40,8 +43,8 @@ fn folded_duplicates_come_back() {
                 (Optimizer::Prbvh, None),
                 (Optimizer::Rbvh(RbvhSettings::default()), Some(1)),
             ] {
-                let whole = Settings { optimizer, ..settings(max_leaf) };
-                let folding = Settings { fold_duplicates: true, ..whole.clone() };
+                let whole = settings(max_leaf).with(|s| s.optimizer = optimizer);
+                let folding = whole.clone().with(|s| s.fold_duplicates = true);
                 let mut hashes = BTreeSet::new();
                 for (device_name, device) in &mut *devices {
                     let what = format!("{name}, {}, {max_leaf:?} on {device_name}", whole.optimizer);
@@ -78,15 +81,13 @@ fn folded_duplicates_come_back() {
 #[test]
 fn a_target_is_that_of_the_whole_tree() {
     let scene = Scene::from_triangles("twice", soup(300, 0.1, 4).repeat(2)).unwrap();
-    let settings = Settings { fold_duplicates: true, ..Settings::default() };
+    let settings = Settings::default().with(|s| s.fold_duplicates = true);
     let mut device = CpuDevice::new(1).unwrap();
     let free = optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
     let target = 0.5 * (free.initial.sah_cost + free.quality.sah_cost);
-    let prbvh = PrbvhSettings {
-        limits: Limits { target_cost: Some(target), ..PrbvhSettings::default().limits },
-        ..PrbvhSettings::default()
-    };
-    let settings = Settings { prbvh, ..settings };
+    let prbvh = PrbvhSettings::default()
+        .with(|s| s.limits = PrbvhSettings::default().limits.with(|s| s.target_cost = Some(target)));
+    let settings = settings.with(|s| s.prbvh = prbvh);
     let result = optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
     let (costs, stop): (Vec<f64>, _) = (result.outcome.rows.iter().map(|row| row.cost).collect(), result.outcome.stop);
     let (last, before) = costs.split_last().unwrap();

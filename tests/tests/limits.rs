@@ -48,8 +48,10 @@ impl Device for Untouchable {
 
 /// The CPU with the limits of a smaller device.
 fn limited(max_buffer_bytes: u64, memory_bytes: u64) -> DeviceInfo {
-    let info = CpuDevice::new(1).unwrap().info().clone();
-    DeviceInfo { max_buffer_bytes, memory_bytes, max_buffer_limit: "maxStorageBufferRange", ..info }
+    let mut info = CpuDevice::new(1).unwrap().info().clone();
+    info.max_buffer_limit = "maxStorageBufferRange";
+    (info.max_buffer_bytes, info.memory_bytes) = (max_buffer_bytes, memory_bytes);
+    info
 }
 
 #[track_caller]
@@ -73,10 +75,10 @@ fn a_scene_too_large_for_a_device_is_refused_before_anything_is_allocated() {
     const N: usize = 1000;
     let scene = Scene::from_triangles("large", soup(N, 0.1, 6)).unwrap();
     let nodes = 2 * N as u64 * size_of::<Node>() as u64;
-    let adaptive = Settings { adaptive: Some(CollapseSettings::default()), ..Settings::default() };
-    let conservative = PrbvhSettings { strategy: Strategy::Conservative, ..PrbvhSettings::published() };
-    let conservative = Settings { prbvh: conservative, ..Settings::default() };
-    let initial = Settings { optimizer: Optimizer::None, ..Settings::default() };
+    let adaptive = Settings::default().with(|s| s.adaptive = Some(CollapseSettings::default()));
+    let conservative = PrbvhSettings::published().with(|s| s.strategy = Strategy::Conservative);
+    let conservative = Settings::default().with(|s| s.prbvh = conservative);
+    let initial = Settings::default().with(|s| s.optimizer = Optimizer::None);
     for (settings, phase) in [
         (adaptive, "collapse of 1000 triangles"),
         (conservative, "optimise, published, conservative of 1000 triangles"),
@@ -150,7 +152,10 @@ fn a_scene_that_just_fits_stays_within_the_limits() {
         let scene = Scene::from_triangles("fits", soup(n, 0.1, 7)).unwrap();
         for prbvh in [PrbvhSettings::default(), PrbvhSettings::published()] {
             for adaptive in [None, Some(CollapseSettings::default())] {
-                let mut settings = Settings { adaptive, prbvh: prbvh.clone(), ..Settings::default() };
+                let mut settings = Settings::default().with(|s| {
+                    s.adaptive = adaptive;
+                    s.prbvh = prbvh.clone();
+                });
                 settings.prbvh.limits.max_iterations = 2;
                 let info = limited(2 * n as u64 * size_of::<Node>() as u64, most_memory(&scene, &settings));
                 let mut device = Strict { device: CpuDevice::new(1).unwrap(), info };

@@ -69,7 +69,7 @@ impl Layer for Counted {
 }
 
 fn of_prbvh(prbvh: PrbvhSettings) -> Settings {
-    Settings { prbvh: PrbvhSettings { limits: Limits::iterations(3), ..prbvh }, ..Settings::default() }
+    Settings::default().with(|s| s.prbvh = prbvh.with(|s| s.limits = Limits::iterations(3)))
 }
 
 /// Most bytes a triangle at any time from before the scene is there until the tree is handed out.
@@ -91,23 +91,29 @@ fn peak(settings: &Settings, observe: &mut dyn FnMut(&IterationRow, CurrentTree<
 fn a_whole_run_keeps_to_its_bytes() {
     let _guard = RUN.lock().unwrap_or_else(PoisonError::into_inner);
     let published = PrbvhSettings::published();
-    let with = |settings: &Settings, initial| Settings { initial, ..settings.clone() };
+    let with = |settings: &Settings, initial| settings.clone().with(|s| s.initial = initial);
     let default = of_prbvh(PrbvhSettings::default());
     let adaptive = Some(CollapseSettings::default());
-    let rbvh = RbvhSettings { limits: Limits::iterations(1), ..RbvhSettings::default() };
+    let rbvh = RbvhSettings::default().with(|s| s.limits = Limits::iterations(1));
     let runs = [
         ("by default", default.clone()),
         ("published", of_prbvh(published.clone())),
-        ("conservative", of_prbvh(PrbvhSettings { strategy: Strategy::Conservative, ..published })),
+        ("conservative", of_prbvh(published.with(|s| s.strategy = Strategy::Conservative))),
         ("ploc", with(&default, Initial::Ploc { radius: DEFAULT_RADIUS })),
         ("atrbvh", with(&default, Initial::Atrbvh { treelet: TreeletSize::DEFAULT })),
         ("sweep", with(&default, Initial::SahSweep)),
         ("binned", with(&default, Initial::SahBinned)),
-        ("adaptive leaves", Settings { adaptive, ..default.clone() }),
-        ("folded", Settings { fold_duplicates: true, ..default.clone() }),
-        ("folded, adaptive leaves", Settings { fold_duplicates: true, adaptive, ..default.clone() }),
-        ("no optimiser", Settings { optimizer: Optimizer::None, ..default.clone() }),
-        ("rbvh", Settings { optimizer: Optimizer::Rbvh(rbvh), ..default.clone() }),
+        ("adaptive leaves", default.clone().with(|s| s.adaptive = adaptive)),
+        ("folded", default.clone().with(|s| s.fold_duplicates = true)),
+        (
+            "folded, adaptive leaves",
+            default.clone().with(|s| {
+                s.fold_duplicates = true;
+                s.adaptive = adaptive;
+            }),
+        ),
+        ("no optimiser", default.clone().with(|s| s.optimizer = Optimizer::None)),
+        ("rbvh", default.clone().with(|s| s.optimizer = Optimizer::Rbvh(rbvh))),
     ];
     let measured = runs.map(|(name, settings)| (name, peak(&settings, &mut |_, _| ControlFlow::Continue(()))));
     eprintln!("bytes a triangle: {measured:?}");

@@ -23,7 +23,7 @@ fn prediction_fault(before: f64, after: f64, predicted: f64) -> Option<String> {
 
 /// Each round by itself.
 fn by_rows(settings: &PrbvhSettings) -> PrbvhSettings {
-    PrbvhSettings { news: Duration::ZERO, ..settings.clone() }
+    settings.clone().with(|s| s.news = Duration::ZERO)
 }
 
 /// Row and tree hash after each iteration, and the tree that is kept.
@@ -99,16 +99,36 @@ fn the_built_in_scene_is_the_same_everywhere_after_every_iteration() {
 fn other_settings_are_the_same_everywhere() {
     let scene = Scene::from_triangles("soup", soup(1500, 0.2, 1)).unwrap();
     for mu in [1, 4, 5000] {
-        let settings = PrbvhSettings { mu, limits: Limits::iterations(12), ..PrbvhSettings::published() };
+        let settings = PrbvhSettings::published().with(|s| {
+            s.mu = mu;
+            s.limits = Limits::iterations(12);
+        });
         same_everywhere(&scene, MortonBits::Thirty, &settings);
     }
     let usual = WorstFirst::default();
     for worst_first in [
-        WorstFirst { first: 1, growth: 1.0, tail_part: 0.0, ..usual },
-        WorstFirst { first: 5000, lock_rounds: 1, ..usual },
-        WorstFirst { most_part: 1.0, growth: 4.0, lock_rounds: 5, climb: 0, slack: 1.0, tail_part: 1.0, ..usual },
+        usual.with(|s| {
+            s.first = 1;
+            s.growth = 1.0;
+            s.tail_part = 0.0;
+        }),
+        usual.with(|s| {
+            s.first = 5000;
+            s.lock_rounds = 1;
+        }),
+        usual.with(|s| {
+            s.most_part = 1.0;
+            s.growth = 4.0;
+            s.lock_rounds = 5;
+            s.climb = 0;
+            s.slack = 1.0;
+            s.tail_part = 1.0;
+        }),
     ] {
-        let settings = PrbvhSettings { worst_first, limits: Limits::iterations(30), ..PrbvhSettings::default() };
+        let settings = PrbvhSettings::default().with(|s| {
+            s.worst_first = worst_first;
+            s.limits = Limits::iterations(30);
+        });
         same_everywhere(&scene, MortonBits::Thirty, &settings);
     }
 }
@@ -118,7 +138,7 @@ fn tiny_scenes_are_the_same_everywhere() {
     for n in [1, 2, 3, 4, 5] {
         let scene = Scene::from_triangles("tiny", soup(n, 0.2, n as u64)).unwrap();
         for strategy in [Strategy::Aggressive, Strategy::Conservative] {
-            same_everywhere(&scene, MortonBits::Sixty, &PrbvhSettings { strategy, ..PrbvhSettings::published() });
+            same_everywhere(&scene, MortonBits::Sixty, &PrbvhSettings::published().with(|s| s.strategy = strategy));
         }
         same_everywhere(&scene, MortonBits::Sixty, &PrbvhSettings::default());
     }
@@ -126,7 +146,7 @@ fn tiny_scenes_are_the_same_everywhere() {
 
 #[test]
 fn the_conservative_strategy_falls_as_predicted_and_is_the_same_everywhere() {
-    let conservative = PrbvhSettings { strategy: Strategy::Conservative, ..PrbvhSettings::published() };
+    let conservative = PrbvhSettings::published().with(|s| s.strategy = Strategy::Conservative);
     let steps = same_everywhere(&built_in(6000), MortonBits::Sixty, &conservative);
     assert!(steps.len() > 10 && steps[steps.len() - 1].starts_with("Converged"), "{:?}", steps.last());
     let scenes = [
@@ -138,7 +158,10 @@ fn the_conservative_strategy_falls_as_predicted_and_is_the_same_everywhere() {
     for (name, triangles) in scenes {
         let scene = Scene::from_triangles(name, triangles).unwrap();
         for mu in [1, 9] {
-            let settings = PrbvhSettings { mu, limits: Limits::iterations(40), ..conservative.clone() };
+            let settings = conservative.clone().with(|s| {
+                s.mu = mu;
+                s.limits = Limits::iterations(40);
+            });
             same_everywhere(&scene, MortonBits::Sixty, &settings);
         }
     }
@@ -168,10 +191,15 @@ fn worst_first_ends_below_the_published_order_and_is_the_same_everywhere() {
 fn rounds_that_run_together_are_those_that_run_one_by_one() {
     let scene = built_in(6000);
     for limit in [1, 3, 8, 1000] {
-        let together = PrbvhSettings { limits: Limits::iterations(limit), ..PrbvhSettings::default() };
+        let together = PrbvhSettings::default().with(|s| s.limits = Limits::iterations(limit));
         let [together, one_by_one] = [together.clone(), by_rows(&together)].map(|prbvh| {
-            let result = run(&scene, &Settings { prbvh, ..Settings::default() }, u32::MAX);
-            let timeless = |row: &IterationRow| IterationRow { time_s: 0.0, device_s: 0.0, ..*row };
+            let result = run(&scene, &Settings::default().with(|s| s.prbvh = prbvh), u32::MAX);
+            let timeless = |row: &IterationRow| {
+                (*row).with(|row| {
+                    row.time_s = 0.0;
+                    row.device_s = 0.0;
+                })
+            };
             let rows: Vec<_> = result.outcome.rows.iter().map(timeless).collect();
             (rows, tree_hash(&result.tree))
         });
@@ -191,7 +219,7 @@ fn the_aggressive_strategy_does_not_fall_as_predicted() {
 }
 
 fn published() -> Settings {
-    Settings { prbvh: PrbvhSettings::published(), ..Settings::default() }
+    Settings::default().with(|s| s.prbvh = PrbvhSettings::published())
 }
 
 fn run(scene: &Scene, settings: &Settings, stop_at: u32) -> prbvh::pipeline::Optimized {

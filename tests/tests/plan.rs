@@ -2,8 +2,8 @@
 
 use prbvh::build::{CodeCensus, Codes, DEFAULT_RADIUS, MortonBits, TreeletSize, atrbvh, lbvh, ploc};
 use prbvh::collapse::CollapseSettings;
+use prbvh::device::Device;
 use prbvh::device::cpu::CpuDevice;
-use prbvh::device::{Device, DeviceInfo};
 use prbvh::optimize::{Limits, PrbvhSettings, Strategy, WorstFirst};
 use prbvh::pipeline::{Initial, Optimizer, PipelineError, Settings, optimize, optimize_by};
 use prbvh::plan::{DeviceCode, Omission, Plan, PlanMismatch, Status};
@@ -111,16 +111,23 @@ fn a_bit_too_few_makes_another_tree() {
         tree.download(device).unwrap()
     };
     let all = nodes(&mut device, enough);
-    assert!(all != nodes(&mut device, Codes { high: enough.high & 0xff_ffff, ..enough }));
+    let mut fewer = enough;
+    fewer.high &= 0xff_ffff;
+    assert!(all != nodes(&mut device, fewer));
     let (tree, _) = lbvh(&mut device, &triangles, enough).unwrap();
-    let (of_30, _) = lbvh(&mut device, &triangles, Codes { bits: MortonBits::Thirty, ..enough }).unwrap();
+    let mut thirty = enough;
+    thirty.bits = MortonBits::Thirty;
+    let (of_30, _) = lbvh(&mut device, &triangles, thirty).unwrap();
     assert!(tree.download(&mut device).unwrap() != of_30.download(&mut device).unwrap());
 }
 
 fn settings(max_leaf: Option<u32>) -> Settings {
-    let adaptive = CollapseSettings { max_leaf, ..CollapseSettings::default() };
-    let prbvh = PrbvhSettings { limits: Limits::iterations(5), ..PrbvhSettings::default() };
-    Settings { adaptive: Some(adaptive), prbvh, ..Settings::default() }
+    let adaptive = CollapseSettings::default().with(|s| s.max_leaf = max_leaf);
+    let prbvh = PrbvhSettings::default().with(|s| s.limits = Limits::iterations(5));
+    Settings::default().with(|s| {
+        s.adaptive = Some(adaptive);
+        s.prbvh = prbvh;
+    })
 }
 
 #[test]
@@ -159,7 +166,7 @@ fn a_collapse_that_matters_is_not_left_out() {
 
 /// Worst first, and the published order with both strategies.
 fn orders() -> [PrbvhSettings; 3] {
-    let conservative = PrbvhSettings { strategy: Strategy::Conservative, ..PrbvhSettings::published() };
+    let conservative = PrbvhSettings::published().with(|s| s.strategy = Strategy::Conservative);
     [PrbvhSettings::default(), PrbvhSettings::published(), conservative]
 }
 
@@ -174,9 +181,13 @@ fn a_run_takes_the_memory_that_its_plan_says() {
     for (n, initial) in [1, 2, 3, 700, 20_000].into_iter().flat_map(|n| initials.clone().map(|initial| (n, initial))) {
         let scene = Scene::from_triangles("soup", soup(n, 0.1, 6)).unwrap();
         for order in orders() {
-            for adaptive in [None, Some(CollapseSettings { max_leaf: Some(2), ..CollapseSettings::default() })] {
-                let prbvh = PrbvhSettings { limits: Limits::iterations(2), ..order.clone() };
-                let settings = Settings { initial: initial.clone(), prbvh, adaptive, ..Settings::default() };
+            for adaptive in [None, Some(CollapseSettings::default().with(|s| s.max_leaf = Some(2)))] {
+                let prbvh = order.clone().with(|s| s.limits = Limits::iterations(2));
+                let settings = Settings::default().with(|s| {
+                    s.initial = initial.clone();
+                    s.prbvh = prbvh;
+                    s.adaptive = adaptive;
+                });
                 let mut device = CpuDevice::new(2).unwrap();
                 let result = optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
                 let said = result.plan.phases.iter().filter(|phase| phase.runs).map(|phase| phase.peak_bytes).max();
@@ -247,8 +258,8 @@ fn a_plan_of_worst_first_follows_its_settings_and_the_scene() {
     let device = CpuDevice::new(1).unwrap();
     let status = |triangles, worst_first, omission| {
         let scene = Scene::from_triangles("soup", soup(triangles, 0.1, 4)).unwrap();
-        let prbvh = PrbvhSettings { worst_first, ..PrbvhSettings::default() };
-        let settings = Settings { prbvh, ..Settings::default() };
+        let prbvh = PrbvhSettings::default().with(|s| s.worst_first = worst_first);
+        let settings = Settings::default().with(|s| s.prbvh = prbvh);
         let plan = Plan::of(&scene, device.info(), &settings, &[]).unwrap();
         let item = plan.items.iter().find(|item| item.omission == omission).unwrap();
         (item.status, item.saved.dispatches_per_iteration)
@@ -256,13 +267,13 @@ fn a_plan_of_worst_first_follows_its_settings_and_the_scene() {
     let usual = WorstFirst::default();
     assert_eq!(status(4, usual, Omission::Tail), (Status::Needed, 0));
     assert_eq!(status(3, usual, Omission::Tail), (Status::NoneThere, 0));
-    assert_eq!(status(4, WorstFirst { tail_part: 0.0, ..usual }, Omission::Tail), (Status::LeftOut, 0));
+    assert_eq!(status(4, usual.with(|s| s.tail_part = 0.0), Omission::Tail), (Status::LeftOut, 0));
     assert_eq!(status(2049, usual, Omission::Tops), (Status::Needed, 0));
     assert_eq!(status(2048, usual, Omission::Tops), (Status::NoneThere, 0));
-    assert_eq!(status(2049, WorstFirst { top: 0, ..usual }, Omission::Tops), (Status::LeftOut, 0));
+    assert_eq!(status(2049, usual.with(|s| s.top = 0), Omission::Tops), (Status::LeftOut, 0));
     assert_eq!(status(4, usual, Omission::MoreLocks), (Status::Needed, 0));
     // A lock and a check.
-    assert_eq!(status(4, WorstFirst { lock_rounds: 1, ..usual }, Omission::MoreLocks), (Status::LeftOut, 2));
+    assert_eq!(status(4, usual.with(|s| s.lock_rounds = 1), Omission::MoreLocks), (Status::LeftOut, 2));
 }
 
 #[test]
@@ -285,7 +296,8 @@ fn the_report_of_a_run_has_the_items_of_its_plan() {
 fn locks_are_planned_by_the_device() {
     let scene = Scene::from_triangles("soup", soup(50, 0.1, 4)).unwrap();
     for atomics_64 in [true, false] {
-        let info = DeviceInfo { atomics_64, ..CpuDevice::new(1).unwrap().info().clone() };
+        let mut info = CpuDevice::new(1).unwrap().info().clone();
+        info.atomics_64 = atomics_64;
         let plan = Plan::of(&scene, &info, &Settings::default(), &[]).unwrap();
         let lock = plan.items.iter().find(|item| item.omission == Omission::LockWord).unwrap();
         // One of each round of locks.
@@ -325,7 +337,7 @@ fn a_plan_with_a_planted_fault_is_refused() {
     let other = Scene::from_triangles("soup", soup(2001, 0.1, 4)).unwrap();
     let refused = run_of(plan.clone(), &other, &settings);
     assert!(matches!(refused, Err(PipelineError::Plan(PlanMismatch::Scene { .. }))), "{refused:?}");
-    let folding = Settings { fold_duplicates: true, ..settings.clone() };
+    let folding = settings.clone().with(|s| s.fold_duplicates = true);
     let pairs = Scene::from_triangles("pairs", soup(40, 0.1, 4).repeat(2)).unwrap();
     let folded = Plan::of(&pairs, &info, &folding, &[]).unwrap();
     let refused = run_of(folded, &pairs, &settings);
@@ -351,9 +363,13 @@ fn a_run_takes_the_kernels_of_its_plan_and_no_others() {
             let scene = Scene::from_triangles(*name, triangles.clone()).unwrap();
             let runs = orders().map(|order| (order, Optimizer::Prbvh));
             for (order, optimizer) in runs.into_iter().chain([(PrbvhSettings::default(), Optimizer::None)]) {
-                let prbvh = PrbvhSettings { limits: Limits::iterations(30), ..order };
+                let prbvh = order.with(|s| s.limits = Limits::iterations(30));
                 let how = format!("{}, {}", prbvh.order, prbvh.strategy);
-                let settings = Settings { initial: initial.clone(), prbvh, optimizer, ..settings(Some(2)) };
+                let settings = settings(Some(2)).with(|s| {
+                    s.initial = initial.clone();
+                    s.prbvh = prbvh;
+                    s.optimizer = optimizer;
+                });
                 for (device_name, device) in &mut *devices {
                     let result =
                         optimize(&scene, &mut **device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();

@@ -78,7 +78,7 @@ impl device::Layer for Pressed<'_> {
 }
 
 fn initial_tree(scene: &Scene, device: &mut dyn Device) -> Result<Bvh, PipelineError> {
-    let settings = Settings { optimizer: Optimizer::None, ..Settings::default() };
+    let settings = Settings::default().with(|s| s.optimizer = Optimizer::None);
     Ok(optimize(scene, device, &settings, &mut |_| ControlFlow::Continue(()))?.tree)
 }
 

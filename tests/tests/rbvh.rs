@@ -68,7 +68,7 @@ proptest! {
     #[test]
     fn every_batch_leaves_a_tree_with_the_cost_that_it_says(n in 1usize..200, seed: u64, undo: bool, size in 0.01f32..1.0) {
         let triangles = working(&soup(n, size, seed));
-        let settings = RbvhSettings { undo, seed, limits: Limits::iterations(60), ..RbvhSettings::default() };
+        let settings = RbvhSettings::default().with(|s| { s.undo = undo; s.seed = seed; s.limits = Limits::iterations(60); });
         let mut nodes = chain(&triangles);
         let before = cost(&nodes);
         checked(&mut nodes, &triangles, &settings);
@@ -97,8 +97,11 @@ fn degenerate_scenes_end() {
     for triangles in scenes.iter().chain(&[1, 2, 3, 4, 5].map(|n| soup(n, 0.3, 7))) {
         let triangles = working(triangles);
         for undo in [true, false] {
-            let settings =
-                RbvhSettings { undo, epsilon: 0.0, limits: Limits::iterations(3000), ..RbvhSettings::default() };
+            let settings = RbvhSettings::default().with(|s| {
+                s.undo = undo;
+                s.epsilon = 0.0;
+                s.limits = Limits::iterations(3000);
+            });
             let outcome = checked(&mut chain(&triangles), &triangles, &settings);
             assert!(outcome.stop == StopReason::Converged || !undo, "{:?}", outcome.stop);
         }
@@ -112,7 +115,7 @@ fn the_seed_alone_decides() {
     let run = |seed| {
         let mut nodes = start.clone();
         let outcome =
-            rbvh(&mut nodes, &RbvhSettings { seed, ..RbvhSettings::default() }, &mut |_, _| ControlFlow::Continue(()));
+            rbvh(&mut nodes, &RbvhSettings::default().with(|s| s.seed = seed), &mut |_, _| ControlFlow::Continue(()));
         assert_eq!(outcome.unwrap().stop, StopReason::Converged);
         nodes
     };
@@ -128,7 +131,7 @@ fn a_cancelled_run_keeps_the_best_tree_so_far() {
     let run = |undo, stop_at| {
         let mut nodes = start.clone();
         let mut best = f64::INFINITY;
-        let settings = RbvhSettings { undo, ..RbvhSettings::default() };
+        let settings = RbvhSettings::default().with(|s| s.undo = undo);
         let outcome = rbvh(&mut nodes, &settings, &mut |row, _| {
             best = best.min(row.cost);
             if row.iteration >= stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -156,7 +159,7 @@ fn the_pipeline_runs_any_optimizer_and_says_the_true_cost() {
     let run = |optimizer| {
         let mut device = CpuDevice::new(2).unwrap();
         let mut rows = Vec::<IterationRow>::new();
-        let settings = Settings { optimizer, ..Settings::default() };
+        let settings = Settings::default().with(|s| s.optimizer = optimizer);
         let result = optimize(&scene, &mut device, &settings, &mut |row| {
             rows.push(*row);
             ControlFlow::Continue(())
@@ -201,7 +204,10 @@ fn builders_of_the_host_run_on_the_threads_of_the_device() {
     let scene = Scene::from_triangles("soup", soup(100, 0.2, 3)).unwrap();
     let host_work = |initial| {
         let mut device = Counting(CpuDevice::new(1).unwrap(), AtomicU32::new(0));
-        let settings = Settings { initial, optimizer: Optimizer::None, ..Settings::default() };
+        let settings = Settings::default().with(|s| {
+            s.initial = initial;
+            s.optimizer = Optimizer::None;
+        });
         optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
         device.1.into_inner()
     };

@@ -24,7 +24,7 @@ fn trees(scene: &Scene) -> [Bvh; 3] {
     let working = SafeRange::of(&scene.triangles).apply(&scene.triangles);
     let (tree, _) = lbvh(&mut device, &working, MortonBits::Sixty).unwrap();
     let first = Bvh::from_device(&tree.download(&mut device).unwrap()).unwrap().with_boxes_of(&scene.triangles);
-    let settings = Settings { adaptive: Some(Default::default()), ..Settings::default() };
+    let settings = Settings::default().with(|s| s.adaptive = Some(Default::default()));
     let best = optimize(scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap().tree;
     let boxes: Vec<Aabb> = scene.triangles.iter().map(Triangle::aabb).collect();
     [first, best, Bvh::from_device(&random_tree(&boxes, 3).encode()).unwrap()]

@@ -253,7 +253,7 @@ fn a_tree_that_is_too_deep_is_red() {
     struct Unbounded;
     impl Subject for Unbounded {
         fn run(&self, scene: &Scene, settings: &Settings, device: &mut dyn Device) -> Result<Optimized, RunError> {
-            Library.run(scene, &Settings { max_depth: MaxDepth::OFF, ..settings.clone() }, device)
+            Library.run(scene, &settings.clone().with(|s| s.max_depth = MaxDepth::OFF), device)
         }
     }
     let rows = rows(&["comb", "three"], &["ploc+worst-first+bounded"], &["cpu"], &Unbounded);
@@ -382,10 +382,8 @@ fn one_float32_sum_is_out_of_the_bound() {
     assert!(large.chunked < 0.1 * F32_COST_BOUND, "{large:?}");
     // A row of the optimiser has the chunked sum.
     let scene = built_in(250_000);
-    let settings = Settings {
-        prbvh: PrbvhSettings { limits: Limits::iterations(0), ..PrbvhSettings::default() },
-        ..Settings::default()
-    };
+    let settings =
+        Settings::default().with(|s| s.prbvh = PrbvhSettings::default().with(|s| s.limits = Limits::iterations(0)));
     let report = checked(&scene, &mut CpuDevice::new(0).unwrap(), &settings).unwrap();
     assert!(report.is_green() && report.rows[0].cost_error < 0.1 * F32_COST_BOUND, "{report:?}");
 }

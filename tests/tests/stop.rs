@@ -64,7 +64,7 @@ fn a_run_ends_soon_wherever_it_is() {
         (&worst_first, "read top", 6),
     ];
     for (prbvh, label, left) in cases {
-        let mut settings = Settings { prbvh: prbvh.clone(), ..Settings::default() };
+        let mut settings = Settings::default().with(|s| s.prbvh = prbvh.clone());
         let mut device = asks(label, left);
         assert_eq!(optimize(&scene, &mut device, &settings, go_on).unwrap().outcome.stop, StopReason::Converged);
         assert!(device.runs_since > MOST_RUNS, "{label} {left}: {} runs show nothing", device.runs_since);
@@ -87,7 +87,7 @@ fn rbvh_ends_within_a_batch() {
     let stop = Stop::default();
     let mut rbvh = RbvhSettings::default();
     rbvh.limits.stop = Some(stop.clone());
-    let settings = Settings { optimizer: Optimizer::Rbvh(rbvh), ..Settings::default() };
+    let settings = Settings::default().with(|s| s.optimizer = Optimizer::Rbvh(rbvh));
     let mut device = CpuDevice::new(1).unwrap();
     let ask_at_once = &mut |row: &IterationRow| {
         if row.iteration == 2 {

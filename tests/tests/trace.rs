@@ -46,7 +46,7 @@ fn trees(triangles: &[Triangle]) -> Vec<(&'static str, Bvh)> {
     let hand_out =
         |tree: &DeviceTree, device: &mut CpuDevice| Bvh::from_device(&tree.download(device).unwrap()).unwrap();
     let first = hand_out(&tree, &mut device);
-    let settings = PrbvhSettings { limits: Limits::iterations(10), ..PrbvhSettings::default() };
+    let settings = PrbvhSettings::default().with(|s| s.limits = Limits::iterations(10));
     prbvh(&mut device, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(())).unwrap();
     let better = hand_out(&tree, &mut device);
     let adaptive = collapse(&mut device, &tree, &CollapseSettings::default()).unwrap().free(&mut device);

@@ -29,23 +29,23 @@ use std::rc::Rc;
 use std::time::Duration;
 
 fn settings(worst_first: WorstFirst) -> PrbvhSettings {
-    PrbvhSettings { worst_first, news: Duration::ZERO, ..PrbvhSettings::default() }
+    PrbvhSettings::default().with(|s| {
+        s.worst_first = worst_first;
+        s.news = Duration::ZERO;
+    })
 }
 
 /// Few nodes at first, and soon all of them.
 fn broad(lock_rounds: u32, most_part: f64) -> PrbvhSettings {
     let growth = 4.0;
-    PrbvhSettings {
-        limits: Limits::iterations(25),
-        ..settings(WorstFirst {
-            first: 2,
-            growth,
-            lock_rounds,
-            most_part,
-            tail_part: most_part,
-            ..WorstFirst::default()
-        })
-    }
+    settings(WorstFirst::default().with(|s| {
+        s.first = 2;
+        s.growth = growth;
+        s.lock_rounds = lock_rounds;
+        s.most_part = most_part;
+        s.tail_part = most_part;
+    }))
+    .with(|s| s.limits = Limits::iterations(25))
 }
 
 /// Tree, cost and counts of every row.
@@ -99,8 +99,13 @@ fn every_round_is_the_same_tree_on_every_device() {
 #[test]
 fn a_new_top_is_a_better_tree_and_the_same_on_every_device() {
     let tree = tree_of(&soup(2500, 0.05, 6), 7);
-    let rows =
-        same_everywhere(&tree, &settings(WorstFirst { most_part: 0.2, tail_part: 0.0, ..WorstFirst::default() }));
+    let rows = same_everywhere(
+        &tree,
+        &settings(WorstFirst::default().with(|s| {
+            s.most_part = 0.2;
+            s.tail_part = 0.0;
+        })),
+    );
     let costs: Vec<f64> = rows.iter().map(|(cost, ..)| f64::from_bits(*cost)).collect();
     // Nothing was searched, and yet the links are others.
     let renewed = |&k: &usize| rows[k].1 == [0; 4] && rows[k].2 != rows[k - 1].2;

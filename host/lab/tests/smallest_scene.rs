@@ -4,7 +4,7 @@ use prbvh::build::MortonBits;
 use prbvh::bvh::{Bvh, BvhNode, Content, NO_NODE, tree_hash};
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{self, Command, Device, DeviceError, DeviceInfo, Recording, Timing};
-use prbvh::pipeline::{Settings, optimize};
+use prbvh::pipeline::optimize;
 use prbvh::scene::Scene;
 use prbvh::trace::{NO_TRIANGLE, Query, Ray, TraceScene, trace};
 use prbvh_cpu_sim::Order;
@@ -37,7 +37,8 @@ struct Noting {
 impl Noting {
     fn new(order: Order, atomics_64: bool) -> Self {
         let device = CpuDevice::with_order(order, 2).unwrap();
-        let info = DeviceInfo { atomics_64, ..device.info().clone() };
+        let mut info = device.info().clone();
+        info.atomics_64 = atomics_64;
         Self { device, order, info, ran: BTreeSet::new() }
     }
 }
@@ -118,7 +119,7 @@ fn trees(device: &mut Noting) -> BTreeMap<String, String> {
             continue;
         }
         for morton_bits in [MortonBits::Sixty, MortonBits::Thirty] {
-            let settings = Settings { morton_bits, ..method.settings.clone() };
+            let settings = method.settings.clone().with(|s| s.morton_bits = morton_bits);
             let made = optimize(&scene, device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
             println!("{}: {}, {morton_bits:?}", device.info.name, method.name);
             hashes.insert(format!("{}, {morton_bits:?}", method.name), tree_hash(&made.tree));

@@ -29,3 +29,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("SAH cost {:.2} instead of {:.2}", cost(&better), cost(&yours));
     Ok(())
 }
+
+#[test]
+fn it_runs() {
+    main().unwrap();
+}

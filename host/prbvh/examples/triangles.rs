@@ -1,8 +1,6 @@
 //! Triangles in memory to a good tree over them.
 
-use prbvh::device::{self, DeviceChoice};
-use prbvh::pipeline::{self, Settings};
-use prbvh::scene::{Scene, Triangle};
+use prbvh::{DeviceChoice, Scene, Settings, Triangle};
 use std::ops::ControlFlow;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -14,8 +12,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let scene = Scene::from_triangles("strip", triangles.collect())?;
 
     // A GPU if there is one, else all cores.
-    let mut device = device::open(DeviceChoice::Auto, 0, false)?;
-    let done = pipeline::optimize(&scene, &mut *device, &Settings::default(), &mut |row| {
+    let mut device = prbvh::open_device(DeviceChoice::Auto, 0, false)?;
+    let done = prbvh::optimize(&scene, &mut *device, &Settings::default(), &mut |row| {
         println!("iteration {}: cost {:.2}", row.iteration, row.cost);
         ControlFlow::Continue(())
     })?;
@@ -26,4 +24,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         done.initial.sah_cost
     );
     Ok(())
+}
+
+#[test]
+fn it_runs() {
+    main().unwrap();
 }

@@ -9,10 +9,11 @@ use prbvh_kernel::collapse::{
     COST, CollapseParams, CompactNode, EmitParams, HEIGHT, LEAF, Place, PlacesParams, REMAINING, SIZE, SUBTREE_WORDS,
 };
 use prbvh_kernel::node::Node;
-use serde::Serialize;
 
 /// When a subtree becomes a leaf.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct CollapseSettings {
     /// The costs that decide.
     pub sah: SahModel,
@@ -22,6 +23,7 @@ pub struct CollapseSettings {
 
 /// A tree with adaptive leaves, on the device and on the host.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Collapsed {
     /// The nodes on the device in depth-first order, `[nodes]` [`CompactNode`]s.
     pub nodes: Buffer,

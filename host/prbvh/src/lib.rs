@@ -1,6 +1,108 @@
-//! Optimises bounding volume hierarchies by parallel reinsertion, on any GPU and any CPU.
+//! Optimises bounding volume hierarchies (BVHs) by parallel reinsertion, on any GPU that Vulkan reaches and on any CPU, with the same result bit for bit.
 //!
-//! Data flows one way: scene → triangles → boxes → Morton order → initial tree → reinsertion → best tree.
+//! A tree that is optimised costs a ray 15 to 45 % less than an LBVH, by the surface area heuristic (SAH). For engines and renderers that build a tree once
+//! and trace it often: the tree that comes out is plain data ([`Bvh`]: nodes and an order of triangles), and nothing of the library is needed to trace it.
+//!
+//! # Triangles in memory
+//! ```
+//! use prbvh::{DeviceChoice, Scene, Settings, Triangle};
+//! use std::ops::ControlFlow;
+//!
+//! // A strip; coordinates in any unit.
+//! let strip = (0..1000).map(|k| k as f32).map(|x| Triangle {
+//!     a: [x, 0.0, 0.0],
+//!     b: [x + 1.0, 0.0, (0.1 * x).sin()],
+//!     c: [x, 1.0, 0.0],
+//! });
+//! let scene = Scene::from_triangles("strip", strip.collect())?;
+//! // `Auto` is the best GPU, or else the CPU. 0: a thread per core; false: without Vulkan's validation.
+//! let mut device = prbvh::open_device(DeviceChoice::Cpu, 0, false)?;
+//! let done = prbvh::optimize(&scene, &mut *device, &Settings::default(), &mut |row| {
+//!     println!("iteration {}: cost {:.2}", row.iteration, row.cost);
+//!     ControlFlow::Continue(()) // or Break: then the best tree so far is handed out
+//! })?;
+//! assert!(done.quality.sah_cost < done.initial.sah_cost);
+//! assert_eq!(done.tree.triangle_order.len(), 1000);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//! [`Settings`] choose the initial tree, the optimiser, what ends it early, leaves of several triangles and the largest depth.
+//!
+//! # A tree in memory
+//! Any binary tree of one triangle per leaf, such as another builder's, goes to a device, is optimised there, and comes back.
+//! ```
+//! use prbvh::bvh::{self, BvhNode, Content, NO_NODE, SahModel};
+//! use prbvh::build::DeviceTree;
+//! use prbvh::device::cpu::CpuDevice;
+//! use prbvh::optimize::{PrbvhSettings, prbvh};
+//! use prbvh::{Bvh, Triangle};
+//! use std::ops::ControlFlow;
+//!
+//! // 64 triangles in a row, and a tree of seven levels that has them in any order but that one.
+//! let triangle = |x| Triangle { a: [x, 0.0, 0.0], b: [x + 1.0, 0.0, 0.0], c: [x, 1.0, 0.0] };
+//! let triangles: Vec<Triangle> = (0..64).map(|k| triangle(k as f32)).collect();
+//! let node = |v: u32| BvhNode {
+//!     aabb: triangles[0].aabb(), // `with_boxes_of` makes them all
+//!     parent: if v == 0 { NO_NODE } else { (v - 1) / 2 },
+//!     content: match v.checked_sub(63) {
+//!         None => Content::Internal { left: 2 * v + 1, right: 2 * v + 2 },
+//!         Some(first) => Content::Leaf { first, count: 1 },
+//!     },
+//! };
+//! let triangle_order = (0..64).map(|k| 37 * k % 64).collect();
+//! let yours = Bvh { nodes: (0..127).map(node).collect(), triangle_order }.with_boxes_of(&triangles);
+//!
+//! let mut device = CpuDevice::new(0)?;
+//! let tree = DeviceTree::upload(&mut device, &yours.to_device()?)?;
+//! prbvh(&mut device, &tree, &PrbvhSettings::default(), &mut |_, _, _| ControlFlow::Continue(()))?;
+//! let nodes = tree.download(&mut device)?;
+//! tree.free(&mut device);
+//! let better = Bvh::from_device(&nodes).map_err(|faults| bvh::summary(&faults))?;
+//! let cost = |tree| bvh::quality(tree, &SahModel::default()).sah_cost;
+//! assert!(cost(&better) < cost(&yours));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//! Coordinates that are tiny or huge are first brought into the range in which `f32` can compare areas: [`scene::SafeRange`].
+//!
+//! # A file
+//! With the cargo feature `files`: OBJ, PLY, STL, glTF and GLB, also packed, in; `tree.bvh` out.
+#![cfg_attr(feature = "files", doc = "```")]
+#![cfg_attr(not(feature = "files"), doc = "```ignore")]
+//! use prbvh::bvh::file;
+//! use prbvh::{DeviceChoice, Settings, scene};
+//! use std::ops::ControlFlow;
+//!
+//! # let folder = tempfile::tempdir()?;
+//! # let (path, out) = (folder.path().join("scene.obj"), folder.path().join("scene.bvh"));
+//! # std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")?;
+//! let scene = scene::load(&path)?;
+//! let mut device = prbvh::open_device(DeviceChoice::Cpu, 0, false)?;
+//! let done = prbvh::optimize(&scene, &mut *device, &Settings::default(), &mut |_| ControlFlow::Continue(()))?;
+//! file::write(&out, &done.tree, &scene.hash)?;
+//! assert_eq!(file::read(&out)?.tree, done.tree);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//! The same as programs: `examples/` of the package.
+//!
+//! # Where things are
+//! | for | module |
+//! |---|---|
+//! | a whole run: scene → initial tree → optimiser → validated tree | [`pipeline`], [`settings`], [`scene`] |
+//! | the optimisers alone | [`mod@optimize`] |
+//! | the tree handed out: validation, cost, depth, hash, file | [`bvh`] |
+//! | GPU and CPU | [`device`] |
+//! | initial trees alone | [`build`] |
+//! | leaves of several triangles | [`collapse`] |
+//! | rays, to measure a tree | [`trace`] |
+//! | what a run leaves out, and why | [`plan`] |
+//! | an end from another thread | [`stop`] |
+//!
+//! # Cargo features
+//! | feature | has | default |
+//! |---|---|---|
+//! | `vulkan` | GPUs | yes |
+//! | `atrbvh` | the builder ATRBVH, which may be patented: see NOTICE | yes |
+//! | `serde` | settings, plans and outcomes as data of [serde](https://serde.rs) | no |
+//! | `files` | scene files, tree files, compiled pipelines of Vulkan kept from run to run | no |
 
 pub mod build;
 pub mod bvh;
@@ -17,7 +119,17 @@ pub mod settings;
 pub mod stop;
 pub mod trace;
 #[cfg(feature = "files")]
+#[doc(hidden)]
 pub mod write;
+#[cfg(feature = "serde")]
+mod written;
+
+pub use bvh::Bvh;
+pub use device::{Device, DeviceChoice, DeviceError, open as open_device};
+pub use pipeline::{Optimized, PipelineError, optimize};
+pub use scene::{Scene, SceneError, Triangle};
+pub use settings::{Initial, Optimizer, Settings};
+pub use stop::Stop;
 
 /// Compiles the example of the README.
 #[cfg(doctest)]

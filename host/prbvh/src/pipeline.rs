@@ -25,6 +25,7 @@ use std::time::{Duration, Instant};
 
 /// A better tree, and how it came about.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Optimized {
     /// The best tree, with adaptive leaves where they were asked for; its boxes are those of the scene's triangles.
     pub tree: Bvh,

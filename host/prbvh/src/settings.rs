@@ -3,8 +3,7 @@
 use crate::build::{MortonBits, TreeletSize};
 use crate::bvh::MaxDepth;
 use crate::collapse::CollapseSettings;
-use crate::optimize::{Limits, PrbvhSettings, RbvhSettings};
-use serde::Serialize;
+use crate::optimize::{IterationRow, Limits, PrbvhSettings, RbvhSettings, WorstFirst};
 use std::fmt;
 use std::num::NonZeroU32;
 #[cfg(feature = "files")]
@@ -13,6 +12,7 @@ use std::path::PathBuf;
 /// A method that this program was built without.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{method} is not in this program: it was built without the cargo feature `{feature}`")]
+#[non_exhaustive]
 pub struct FeatureOff {
     /// The method.
     pub method: &'static str,
@@ -21,8 +21,13 @@ pub struct FeatureOff {
 }
 
 /// Where the initial tree comes from.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(tag = "initial", rename_all = "kebab-case")
+)]
+#[non_exhaustive]
 pub enum Initial {
     /// LBVH (Karras 2012), on the device.
     #[default]
@@ -43,7 +48,11 @@ pub enum Initial {
     SahBinned,
     /// A `tree.bvh` over the same scene with one triangle per leaf; only with the cargo feature `files`.
     #[cfg(feature = "files")]
-    File(PathBuf),
+    File {
+        /// Where it is.
+        #[cfg_attr(feature = "serde", serde(serialize_with = "crate::written::path"))]
+        path: PathBuf,
+    },
 }
 
 impl Initial {
@@ -60,7 +69,7 @@ impl Initial {
     /// Whether it is read.
     pub(crate) fn is_file(&self) -> bool {
         #[cfg(feature = "files")]
-        return matches!(self, Self::File(_));
+        return matches!(self, Self::File { .. });
         #[cfg(not(feature = "files"))]
         return false;
     }
@@ -87,14 +96,19 @@ impl fmt::Display for Initial {
             Self::SahSweep => f.write_str("sah-sweep"),
             Self::SahBinned => f.write_str("sah-binned"),
             #[cfg(feature = "files")]
-            Self::File(path) => path.display().fmt(f),
+            Self::File { path } => path.display().fmt(f),
         }
     }
 }
 
 /// What makes the initial tree better.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(tag = "optimizer", content = "rbvh", rename_all = "kebab-case")
+)]
+#[non_exhaustive]
 pub enum Optimizer {
     /// PRBVH (Meister & Bittner 2018) with [`Settings::prbvh`], on the device.
     #[default]
@@ -116,16 +130,37 @@ impl fmt::Display for Optimizer {
     }
 }
 
-/// Settings of a run.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+/// Settings of a run: the defaults, and what you set of them.
+///
+/// ```
+/// use prbvh::pipeline::{Initial, Settings};
+/// use std::time::Duration;
+///
+/// let mut settings = Settings::default();
+/// settings.initial = Initial::SahSweep;
+/// settings.limits_mut().max_time = Some(Duration::from_secs(2));
+/// // The same in an expression:
+/// let same = Settings::default().with(|settings| {
+///     settings.initial = Initial::SahSweep;
+///     settings.limits_mut().max_time = Some(Duration::from_secs(2));
+/// });
+/// assert_eq!(settings, same);
+/// ```
+/// With the cargo feature `serde` they are one object of plain keys, which reports have as it is.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
+#[non_exhaustive]
 pub struct Settings {
     /// Where the initial tree comes from.
+    #[cfg_attr(feature = "serde", serde(flatten))]
     pub initial: Initial,
     /// Length of the Morton codes.
     pub morton_bits: MortonBits,
     /// The optimiser.
+    #[cfg_attr(feature = "serde", serde(flatten))]
     pub optimizer: Optimizer,
     /// Settings of [`Optimizer::Prbvh`].
+    #[cfg_attr(feature = "serde", serde(flatten))]
     pub prbvh: PrbvhSettings,
     /// Adaptive leaves after the optimisation; none: one triangle per leaf.
     pub adaptive: Option<CollapseSettings>,
@@ -155,6 +190,24 @@ impl Settings {
         }
     }
 }
+
+/// What may grow is no literal outside of this library.
+macro_rules! with {
+    ($($settings:ty),+) => {$(
+        impl $settings {
+            /// The same after `change`, which sets fields: what a literal with a `..` would be.
+            #[must_use]
+            pub fn with(mut self, change: impl FnOnce(&mut Self)) -> Self {
+                change(&mut self);
+                self
+            }
+        }
+    )+};
+}
+
+with!(Settings, PrbvhSettings, WorstFirst, RbvhSettings, Limits, CollapseSettings, IterationRow);
+#[cfg(feature = "files")]
+with!(crate::scene::LoadOptions);
 
 #[cfg(test)]
 mod tests {

@@ -75,7 +75,10 @@ pub(crate) fn searches(scene: &Scene, device: &mut dyn Device, memory: &[Memory]
     run(device, &tree, &PrbvhSettings::default());
     let optimised = tree.download(device).unwrap_or_else(|error| failed(error));
     tree.free(device);
-    let once = PrbvhSettings { mu: 1, limits: Limits::iterations(1), ..PrbvhSettings::default() };
+    let once = PrbvhSettings::default().with(|s| {
+        s.mu = 1;
+        s.limits = Limits::iterations(1);
+    });
     let of_tree = |(name, nodes): (&'static str, &Vec<Node>)| {
         let mut seconds = Vec::new();
         for repetition in 0..=repetitions.max(1) {

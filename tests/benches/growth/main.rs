@@ -71,7 +71,7 @@ impl Builder {
             Self::Ploc => Initial::Ploc { radius: DEFAULT_RADIUS },
             Self::Atrbvh => Initial::Atrbvh { treelet: TreeletSize::default() },
         };
-        Settings { initial, ..Settings::default() }
+        Settings::default().with(|s| s.initial = initial)
     }
 }
 

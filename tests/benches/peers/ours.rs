@@ -55,7 +55,7 @@ impl Configuration {
             name: if undo { "rbvh undo" } else { "rbvh" }.to_owned(),
             family: if undo { Family::RbvhUndo } else { Family::Rbvh },
             initial: Initial::default(),
-            optimizer: Optimizer::Rbvh(RbvhSettings { undo, ..RbvhSettings::default() }),
+            optimizer: Optimizer::Rbvh(RbvhSettings::default().with(|s| s.undo = undo)),
             prbvh: PrbvhSettings::default(),
         }
     }
@@ -69,13 +69,16 @@ impl Configuration {
 /// The schedules of PRBVH that are tried. A new one is a new line.
 fn schedules() -> Vec<Configuration> {
     let worst_first = |name: &str, worst_first| {
-        let settings = PrbvhSettings { order: Order::WorstFirst, worst_first, ..PrbvhSettings::default() };
+        let settings = PrbvhSettings::default().with(|s| {
+            s.order = Order::WorstFirst;
+            s.worst_first = worst_first;
+        });
         (format!("worst first{name}"), Family::WorstFirst, settings)
     };
     let default = WorstFirst::default();
     let tried = [
         worst_first("", default),
-        worst_first(" from 64", WorstFirst { first: 64, ..default }),
+        worst_first(" from 64", default.with(|s| s.first = 64)),
         ("published µ=9 ε=0.0001".to_owned(), Family::Published, PrbvhSettings::published()),
     ];
     let configuration = |(name, family, prbvh)| Configuration {
@@ -349,7 +352,7 @@ fn optimized(
             device.upload(&tree.nodes, bytemuck::cast_slice(&nodes))?;
             outcome.stop
         }
-        Optimizer::None => StopReason::NoOptimizer,
+        _ => StopReason::NoOptimizer,
     };
     let end_s = clock.elapsed().as_secs_f64();
     let nodes = tree.download(device)?;

@@ -93,10 +93,13 @@ const ITERATIONS: u32 = 9;
 
 /// The initial tree and its collapse to leaves of one triangle; iterations for the locks, which are in nothing else.
 fn settings(omission: Omission) -> Settings {
-    let adaptive = CollapseSettings { max_leaf: Some(1), ..CollapseSettings::default() };
+    let adaptive = CollapseSettings::default().with(|s| s.max_leaf = Some(1));
     let iterations = if omission == Omission::LockWord { ITERATIONS } else { 0 };
-    let prbvh = PrbvhSettings { limits: Limits::iterations(iterations), ..PrbvhSettings::default() };
-    Settings { adaptive: Some(adaptive), prbvh, ..Settings::default() }
+    let prbvh = PrbvhSettings::default().with(|s| s.limits = Limits::iterations(iterations));
+    Settings::default().with(|s| {
+        s.adaptive = Some(adaptive);
+        s.prbvh = prbvh;
+    })
 }
 
 /// One way of a comparison.

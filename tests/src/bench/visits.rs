@@ -70,7 +70,10 @@ mod tests {
         let visits = count(&nodes);
         let mut device = CpuDevice::new(1).unwrap();
         let tree = DeviceTree::upload(&mut device, &nodes).unwrap();
-        let settings = PrbvhSettings { mu: 1, limits: Limits::iterations(1), ..PrbvhSettings::published() };
+        let settings = PrbvhSettings::published().with(|s| {
+            s.mu = 1;
+            s.limits = Limits::iterations(1);
+        });
         let outcome = prbvh(&mut device, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(())).unwrap();
         let row = outcome.rows[1];
         assert_eq!((visits.searches, visits.found, visits.most), (798, row.found.into(), row.most_steps));

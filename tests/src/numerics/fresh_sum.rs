@@ -93,7 +93,7 @@ pub fn block() -> Block {
 
 /// Cost of the best tree, iterations and the end of a run.
 fn end(scene: &Scene, mut device: Box<dyn Device>) -> String {
-    let settings = Settings { prbvh: PrbvhSettings { mu: 1, ..PrbvhSettings::published() }, ..Settings::default() };
+    let settings = Settings::default().with(|s| s.prbvh = PrbvhSettings::published().with(|s| s.mu = 1));
     match pipeline::optimize(scene, &mut *device, &settings, &mut |_| ControlFlow::Continue(())) {
         Err(error) => error.to_string(),
         Ok(result) => {

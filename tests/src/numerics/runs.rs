@@ -60,12 +60,12 @@ fn table(name: &str, scenes: &[Scene]) -> Block {
     ];
     let mut rows = vec![texts(&header)];
     let published =
-        |strategy| Settings { prbvh: PrbvhSettings { strategy, ..PrbvhSettings::published() }, ..Settings::default() };
+        |strategy| Settings::default().with(|s| s.prbvh = PrbvhSettings::published().with(|s| s.strategy = strategy));
     let methods = [
         ("worst first", Settings::default()),
         ("aggressive", published(Strategy::Aggressive)),
         ("conservative", published(Strategy::Conservative)),
-        ("rbvh", Settings { optimizer: Optimizer::Rbvh(RbvhSettings::default()), ..Settings::default() }),
+        ("rbvh", Settings::default().with(|s| s.optimizer = Optimizer::Rbvh(RbvhSettings::default()))),
     ];
     for scene in scenes {
         for (method, settings) in &methods {

@@ -27,7 +27,9 @@ impl Subject for Unscaled {
         let outcome = prbvh(device, &tree, &settings.prbvh, &mut |_, _, _| ControlFlow::Continue(()))?;
         let (quality, best) = measured(&tree, device)?;
         tree.free(device);
-        Ok(Optimized { tree: best, initial, quality, outcome, ..Library.run(scene, settings, device)? })
+        let mut run = Library.run(scene, settings, device)?;
+        (run.tree, run.initial, run.quality, run.outcome) = (best, initial, quality, outcome);
+        Ok(run)
     }
 }
 

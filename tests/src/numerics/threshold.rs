@@ -68,14 +68,14 @@ pub fn block() -> Block {
 /// How a run ends that is to go on for as long as the cost changes.
 fn end(scene: &Scene, mut device: Box<dyn Device>) -> String {
     let epsilon = Epsilon::Absolute(0.0);
-    let prbvh = PrbvhSettings {
-        mu: 1,
-        epsilon,
-        patience: MANY,
-        limits: Limits::iterations(MANY),
-        ..PrbvhSettings::published()
-    };
-    let report = checked(scene, &mut *device, &Settings { prbvh, ..Settings::default() }).expect("the CPU optimises");
+    let prbvh = PrbvhSettings::published().with(|s| {
+        s.mu = 1;
+        s.epsilon = epsilon;
+        s.patience = MANY;
+        s.limits = Limits::iterations(MANY);
+    });
+    let report =
+        checked(scene, &mut *device, &Settings::default().with(|s| s.prbvh = prbvh)).expect("the CPU optimises");
     let rises = report.rows.iter().filter(|row| row.measured_decrease < 0.0).count();
     let lowest = report.rows.iter().map(|row| row.exact_cost).fold(f64::INFINITY, f64::min);
     format!("{lowest:.6}, {} iterations, {rises} rise", report.rows.len() - 1)

@@ -33,7 +33,7 @@ impl Searches {
         match (&settings.optimizer, settings.prbvh.order) {
             (Optimizer::Prbvh, Order::Published) => Self::Published(settings.prbvh.strategy),
             (Optimizer::Prbvh, Order::WorstFirst) => Self::WorstFirst,
-            (Optimizer::Rbvh(_) | Optimizer::None, _) => Self::None,
+            _ => Self::None,
         }
     }
 }

@@ -83,7 +83,7 @@ struct Row<'a> {
     folder: Option<&'a OutFolder>,
     summary: Option<Summary>,
     /// None after a failure: the device may be lost, and another scene gets a new one.
-    device: Option<Box<dyn Device>>,
+    device: Option<Box<dyn Device + Send>>,
     log: &'a Log,
     interrupt: &'a Interrupt,
     /// Why stdout could not be written. The files are worth going on for.
@@ -160,7 +160,7 @@ impl<'a> Row<'a> {
 
 /// Whether an earlier run tells all that this one would: not of the numbers that are to be checked, nor of a tree file, which may be another by now.
 fn can_be_skipped(args: &OptimizeArgs, settings: &Settings) -> bool {
-    !args.check_numerics && !matches!(settings.initial, Initial::File(_))
+    !args.check_numerics && !matches!(settings.initial, Initial::File { .. })
 }
 
 fn heading() -> String {

@@ -31,11 +31,16 @@ impl LeavesArgs {
             c_intersect: self.c_intersect.unwrap_or(defaults.c_intersect),
         };
         let is_asked_for = self.max_leaf.is_some() || self.c_traversal.is_some() || self.c_intersect.is_some();
-        match self.leaves {
-            None if is_asked_for => Some(CollapseSettings { sah, max_leaf: self.max_leaf }),
-            Some(LeavesArg::Adaptive) => Some(CollapseSettings { sah, max_leaf: self.max_leaf }),
-            None | Some(LeavesArg::Single) => None,
-        }
+        let is_adaptive = match self.leaves {
+            None => is_asked_for,
+            Some(leaves) => leaves == LeavesArg::Adaptive,
+        };
+        is_adaptive.then(|| {
+            CollapseSettings::default().with(|settings| {
+                settings.sah = sah;
+                settings.max_leaf = self.max_leaf;
+            })
+        })
     }
 }
 

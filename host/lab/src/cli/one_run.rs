@@ -5,16 +5,15 @@ use super::interrupt::{Held, Interrupt};
 use super::log::Log;
 use super::optimize_args::OptimizeArgs;
 use anyhow::Context;
-use clap::ValueEnum;
 use prbvh::bvh::{self, DepthBound, SAH_BUDGET, SahModel};
 use prbvh::device::{Device, Meter};
-use prbvh::optimize::{Epsilon, IterationRow, Limits, Order, StopReason};
+use prbvh::optimize::{IterationRow, Limits, StopReason};
 use prbvh::pipeline::{self, Initial, Optimized, Optimizer, Settings};
-use prbvh::plan::{DeviceCode, Plan};
+use prbvh::plan::Plan;
 use prbvh::scene::Scene;
 use prbvh_lab::accuracy::{AccuracyReport, NumericsCheck};
 use prbvh_lab::reference::{ReferenceCost, ReferenceCosts};
-use prbvh_lab::report::{self, Machine, Memory, PhaseTimes, Program, QualityReport, RunReport, SceneReport};
+use prbvh_lab::report::{RunReport, RunSettings};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -29,7 +28,7 @@ const TREE: &str = "tree.bvh";
 /// What a run reads beside its scenes.
 pub(super) fn other_inputs<'a>(args: &'a OptimizeArgs, settings: &'a Settings) -> impl Iterator<Item = &'a Path> {
     let initial = match &settings.initial {
-        Initial::File(path) => Some(&**path),
+        Initial::File { path } => Some(&**path),
         _ => None,
     };
     initial.into_iter().chain(args.scenes.list())
@@ -98,7 +97,12 @@ pub(super) fn optimized<'a>(
     if let Some(bound) = &result.bound {
         tell(bound);
     }
-    let mut report = report(args, scene, device, settings, &result);
+    let asked = RunSettings {
+        preset: args.preset,
+        threads: u32::try_from(args.threads).ok().filter(|&threads| threads > 0),
+        ..RunSettings::from(settings.clone())
+    };
+    let mut report = RunReport::of(scene, device, asked, &result);
     report.set_reference(known);
     report.accuracy = check.map(NumericsCheck::finish).transpose()?;
     Ok(Done { result, report, held })
@@ -158,99 +162,9 @@ fn row_text(row: &IterationRow) -> String {
     )
 }
 
-fn report(
-    args: &OptimizeArgs,
-    scene: &Scene,
-    device: &dyn Device,
-    settings: &Settings,
-    result: &Optimized,
-) -> RunReport {
-    let triangles = u32::try_from(scene.triangles.len()).unwrap_or(u32::MAX);
-    let mut phases = PhaseTimes::default();
-    phases.add(&result.build_timings);
-    phases.add(&result.outcome.timings);
-    phases.add(&result.collapse_timings);
-    let (epsilon, epsilon_relative) = match settings.prbvh.epsilon {
-        Epsilon::Relative(part) => (part, true),
-        Epsilon::Absolute(change) => (change, false),
-    };
-    let iterations = result.outcome.rows.last().map_or(0, |row| row.iteration);
-    let handed_out = result.adaptive.unwrap_or(result.quality);
-    RunReport {
-        schema: report::SCHEMA,
-        scene: scene.name.clone(),
-        triangles,
-        device: device.info().name.clone(),
-        initial_cost: result.initial.sah_cost,
-        final_cost: result.quality.sah_cost,
-        reference: None,
-        adaptive_cost: result.adaptive.map(|quality| quality.sah_cost),
-        leaves: handed_out.leaves,
-        depth: handed_out.max_depth,
-        bound: result.bound,
-        iterations,
-        time_s: result.optimize_s,
-        tree_hash: bvh::tree_hash(&result.tree),
-        phases: phases.phases(),
-        build_s: result.build_s,
-        stop_reason: result.outcome.stop.to_string(),
-        plan: result.plan.lines(),
-        plan_items: result.plan.items.clone(),
-        code: DeviceCode::of(&result.ran, device.info()),
-        settings: report::Settings {
-            initial: settings.initial.to_string(),
-            radius: match settings.initial {
-                Initial::Ploc { radius } => Some(radius.get()),
-                _ => None,
-            },
-            treelet: match settings.initial {
-                Initial::Atrbvh { treelet } => Some(treelet.get()),
-                _ => None,
-            },
-            strategy: settings.prbvh.strategy.to_string(),
-            order: settings.prbvh.order.to_string(),
-            worst_first: (settings.prbvh.order == Order::WorstFirst).then_some(settings.prbvh.worst_first),
-            optimizer: settings.optimizer.to_string(),
-            fold_duplicates: settings.fold_duplicates,
-            max_depth: settings.max_depth,
-            rbvh: match &settings.optimizer {
-                Optimizer::Rbvh(settings) => Some(settings.clone()),
-                _ => None,
-            },
-            mu: settings.prbvh.mu,
-            epsilon,
-            epsilon_relative,
-            max_iterations: limits(settings).map(|limits| limits.max_iterations),
-            max_time_s: args.max_time,
-            target_cost: limits(settings).and_then(|limits| limits.target_cost),
-            preset: args.preset.map(value_name),
-            threads: u32::try_from(args.threads).ok().filter(|&threads| threads > 0),
-            sah: SahModel::default(),
-            adaptive: settings.adaptive,
-        },
-        memory: Memory::new(device.memory().peak_bytes, triangles),
-        quality: QualityReport { initial: result.initial, last: handed_out },
-        scene_details: SceneReport {
-            source: scene.source.clone(),
-            hash: scene.hash.clone(),
-            census: serde_json::to_value(&scene.census).unwrap_or_default(),
-            notes: scene.notes.clone(),
-        },
-        device_details: device.info().clone(),
-        machine: Machine::current(),
-        program: Program::current(),
-        accuracy: None,
-        rows: result.outcome.rows.clone(),
-    }
-}
-
 /// None without an optimiser.
 fn limits(settings: &Settings) -> Option<&Limits> {
     (settings.optimizer != Optimizer::None).then(|| settings.limits())
-}
-
-fn value_name<T: ValueEnum>(value: T) -> String {
-    value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::leaves::LeavesArgs;
 use super::optimizer::{Beside, OptimizerArgs};
-use super::preset::{PRESET_SETS, PresetArg};
+use super::preset::{self, PRESET_SETS};
 use super::scenes::ScenesArgs;
 use super::target::TargetArgs;
 use super::values::{not_negative, threads};
@@ -11,8 +11,9 @@ use clap::{Args, ValueEnum};
 use prbvh::build::{DEFAULT_RADIUS, MortonBits, TreeletSize};
 use prbvh::bvh::MaxDepth;
 use prbvh::device::DeviceChoice;
-use prbvh::optimize::{Epsilon, Order, PrbvhSettings, Strategy};
+use prbvh::optimize::{Epsilon, Order, Strategy};
 use prbvh::pipeline::{Initial, Settings};
+use prbvh_lab::presets::Preset;
 use std::ffi::OsString;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
@@ -42,7 +43,7 @@ pub(super) struct OptimizeArgs {
     pub(super) order: OrderArg,
     /// Settings that were chosen by measurement, in place of those of the initial tree and the optimiser.
     #[arg(long, value_enum, conflicts_with_all = PRESET_SETS)]
-    pub(super) preset: Option<PresetArg>,
+    pub(super) preset: Option<Preset>,
     #[command(flatten)]
     pub(super) target: TargetArgs,
     #[command(flatten)]
@@ -96,44 +97,39 @@ impl OptimizeArgs {
     /// # Errors
     /// If two arguments contradict each other.
     pub(super) fn settings(&self) -> anyhow::Result<Settings> {
-        let defaults = PrbvhSettings::default();
-        let epsilon = match (self.epsilon, self.epsilon_absolute) {
+        let mut asked = Settings::default();
+        asked.optimizer = self.optimizer.settings(Beside {
+            mu: self.mu.is_some(),
+            epsilon: self.epsilon.is_some(),
+            epsilon_absolute: self.epsilon_absolute.is_some(),
+            strategy: self.strategy.is_some(),
+            is_worst_first: self.order == OrderArg::WorstFirst,
+        })?;
+        asked.initial = self.initial()?;
+        asked.morton_bits = match self.morton_bits {
+            MortonBitsArg::Thirty => MortonBits::Thirty,
+            MortonBitsArg::Sixty => MortonBits::Sixty,
+        };
+        asked.adaptive = self.leaves.settings();
+        asked.fold_duplicates = self.fold_duplicates;
+        asked.max_depth = self.max_depth;
+        let prbvh = &mut asked.prbvh;
+        prbvh.order = match self.order {
+            OrderArg::WorstFirst => Order::WorstFirst,
+            OrderArg::Published => Order::Published,
+        };
+        prbvh.strategy = match self.strategy.unwrap_or_default() {
+            StrategyArg::Aggressive => Strategy::Aggressive,
+            StrategyArg::Conservative => Strategy::Conservative,
+        };
+        prbvh.mu = self.mu.unwrap_or(prbvh.mu);
+        prbvh.epsilon = match (self.epsilon, self.epsilon_absolute) {
             (_, Some(change)) => Epsilon::Absolute(change),
             (Some(part), None) => Epsilon::Relative(part),
-            (None, None) => defaults.epsilon,
-        };
-        let asked = Settings {
-            optimizer: self.optimizer.settings(Beside {
-                mu: self.mu.is_some(),
-                epsilon: self.epsilon.is_some(),
-                epsilon_absolute: self.epsilon_absolute.is_some(),
-                strategy: self.strategy.is_some(),
-                is_worst_first: self.order == OrderArg::WorstFirst,
-            })?,
-            initial: self.initial()?,
-            morton_bits: match self.morton_bits {
-                MortonBitsArg::Thirty => MortonBits::Thirty,
-                MortonBitsArg::Sixty => MortonBits::Sixty,
-            },
-            prbvh: PrbvhSettings {
-                order: match self.order {
-                    OrderArg::WorstFirst => Order::WorstFirst,
-                    OrderArg::Published => Order::Published,
-                },
-                strategy: match self.strategy.unwrap_or_default() {
-                    StrategyArg::Aggressive => Strategy::Aggressive,
-                    StrategyArg::Conservative => Strategy::Conservative,
-                },
-                mu: self.mu.unwrap_or(defaults.mu),
-                epsilon,
-                ..defaults
-            },
-            adaptive: self.leaves.settings(),
-            fold_duplicates: self.fold_duplicates,
-            max_depth: self.max_depth,
+            (None, None) => prbvh.epsilon,
         };
         let mut settings = match self.preset {
-            Some(preset) => preset.apply(asked),
+            Some(preset) => preset::applied(preset, asked),
             None => asked,
         };
         let limits = settings.limits_mut();
@@ -194,7 +190,7 @@ fn initial(text: OsString) -> Result<Initial, String> {
         Some("sah-sweep") => Ok(Initial::SahSweep),
         Some("sah-binned") => Ok(Initial::SahBinned),
         _ if Path::new(&text).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("bvh")) => {
-            Ok(Initial::File(text.into()))
+            Ok(Initial::File { path: text.into() })
         }
         _ => Err("neither lbvh, ploc, atrbvh, sah-sweep, sah-binned nor a tree file that ends in .bvh".to_owned()),
     }
@@ -209,7 +205,7 @@ fn treelet(text: &str) -> Result<TreeletSize, String> {
 mod tests {
     use super::super::args::{Cli, settings};
     use super::*;
-    use prbvh::optimize::RbvhSettings;
+    use prbvh::optimize::{PrbvhSettings, RbvhSettings};
 
     #[test]
     fn an_initial_tree_has_a_name_or_a_file() {
@@ -228,7 +224,7 @@ mod tests {
         assert_eq!(initial("--initial atrbvh --treelet 32"), atrbvh(32));
         assert_eq!(initial("--initial sah-sweep"), Ok(Initial::SahSweep));
         assert_eq!(initial("--initial sah-binned"), Ok(Initial::SahBinned));
-        assert_eq!(initial("--initial out/tree.BVH"), Ok(Initial::File("out/tree.BVH".into())));
+        assert_eq!(initial("--initial out/tree.BVH"), Ok(Initial::File { path: "out/tree.BVH".into() }));
         for name in ["lbvh", "ploc", "sah-sweep", "sah-binned", "a.bvh"] {
             let arguments = format!("--initial {name}");
             assert_eq!(initial(&arguments).unwrap().to_string(), name);

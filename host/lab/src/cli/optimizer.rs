@@ -42,15 +42,13 @@ impl OptimizerArgs {
     /// # Errors
     /// If a setting is for another one.
     pub(super) fn settings(&self, beside: Beside) -> anyhow::Result<Optimizer> {
-        let defaults = RbvhSettings::default();
         let chosen = match self.optimizer {
             OptimizerArg::Prbvh => Optimizer::Prbvh,
             OptimizerArg::None => Optimizer::None,
-            OptimizerArg::Rbvh => Optimizer::Rbvh(RbvhSettings {
-                batch: self.batch.unwrap_or(defaults.batch),
-                seed: self.seed.unwrap_or(defaults.seed),
-                ..defaults
-            }),
+            OptimizerArg::Rbvh => Optimizer::Rbvh(RbvhSettings::default().with(|settings| {
+                settings.batch = self.batch.unwrap_or(settings.batch);
+                settings.seed = self.seed.unwrap_or(settings.seed);
+            })),
         };
         let prbvh =
             [("--mu", beside.mu), ("--epsilon", beside.epsilon), ("--epsilon-absolute", beside.epsilon_absolute)];
@@ -94,12 +92,11 @@ mod tests {
         assert_eq!(optimizer("--optimizer prbvh --order published --mu 4 --epsilon 0"), Ok(Optimizer::Prbvh));
         assert_eq!(optimizer("--optimizer none"), Ok(Optimizer::None));
         assert_eq!(optimizer("--optimizer rbvh"), Ok(Optimizer::Rbvh(RbvhSettings::default())));
-        let expected = RbvhSettings {
-            batch: 0.5,
-            seed: 7,
-            limits: Limits { max_time: Some(Duration::from_secs(2)), ..Limits::iterations(3) },
-            ..RbvhSettings::default()
-        };
+        let expected = RbvhSettings::default().with(|s| {
+            s.batch = 0.5;
+            s.seed = 7;
+            s.limits = Limits::iterations(3).with(|s| s.max_time = Some(Duration::from_secs(2)));
+        });
         let arguments = "--optimizer rbvh --batch 0.5 --seed 7 --max-iterations 3 --max-time 2";
         assert_eq!(optimizer(arguments), Ok(Optimizer::Rbvh(expected)));
         for (arguments, part) in [

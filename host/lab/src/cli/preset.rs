@@ -1,6 +1,5 @@
 //! `--preset`: the settings that [`prbvh_lab::presets`] has for it.
 
-use clap::ValueEnum;
 use prbvh::pipeline::Settings;
 use prbvh_lab::presets::Preset;
 
@@ -19,35 +18,21 @@ pub(super) const PRESET_SETS: [&str; 11] = [
     "epsilon_absolute",
 ];
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum PresetArg {
-    /// A tree soon.
-    Fast,
-    /// Most of what can be gained, in a part of the time.
-    Balanced,
-    /// The lowest cost, as long as it takes.
-    Best,
-}
-
-impl PresetArg {
-    /// `asked` with the preset's initial tree and optimiser, and its limits.
-    pub(super) fn apply(self, asked: Settings) -> Settings {
-        let preset = match self {
-            Self::Fast => Preset::Fast,
-            Self::Balanced => Preset::Balanced,
-            Self::Best => Preset::Best,
-        };
-        let Some(candidate) = preset.candidate() else { return asked };
-        let chosen = candidate.settings();
-        Settings { initial: chosen.initial, optimizer: chosen.optimizer, prbvh: chosen.prbvh, ..asked }
-    }
+/// `asked` with the preset's initial tree and optimiser, and its limits.
+pub(super) fn applied(preset: Preset, asked: Settings) -> Settings {
+    let Some(candidate) = preset.candidate() else { return asked };
+    let chosen = candidate.settings();
+    asked.with(|settings| {
+        settings.initial = chosen.initial;
+        settings.optimizer = chosen.optimizer;
+        settings.prbvh = chosen.prbvh;
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::args::settings;
     use super::*;
-    use prbvh::pipeline::Optimizer;
     use std::time::Duration;
 
     #[test]
@@ -57,10 +42,7 @@ mod tests {
             assert_eq!(settings(&format!("--preset {name}")), Ok(expected.clone()), "{name}");
             let limited =
                 settings(&format!("--preset {name} --max-time 2 --max-iterations 7 --morton-bits 30")).unwrap();
-            let limits = match &limited.optimizer {
-                Optimizer::Rbvh(settings) => settings.limits.clone(),
-                Optimizer::Prbvh | Optimizer::None => limited.prbvh.limits,
-            };
+            let limits = limited.limits();
             assert_eq!((limits.max_time, limits.max_iterations), (Some(Duration::from_secs(2)), 7), "{name}");
             assert_eq!((&limited.initial, limited.prbvh.mu), (&expected.initial, expected.prbvh.mu));
             assert_ne!(limited.morton_bits, expected.morton_bits);

@@ -16,6 +16,9 @@ pub(super) struct ReadArgs {
 
 impl ReadArgs {
     pub(super) fn options(&self) -> LoadOptions {
-        LoadOptions { format: self.format, strict: self.strict }
+        LoadOptions::default().with(|options| {
+            options.format = self.format;
+            options.strict = self.strict;
+        })
     }
 }

@@ -25,7 +25,7 @@ pub(super) fn run(args: &RenderArgs, log: &Log, interrupt: &Interrupt) -> anyhow
     let tree = match &args.tree {
         Some(path) => read_tree(path, &scene)?,
         None => {
-            let settings = Settings { adaptive: args.leaves.settings(), ..Settings::default() };
+            let settings = Settings::default().with(|s| s.adaptive = args.leaves.settings());
             let bar = log.bar(settings.prbvh.limits.max_iterations);
             let result = pipeline::optimize(&scene, &mut *device, &settings, &mut |row| {
                 bar.set_position(u64::from(row.iteration));

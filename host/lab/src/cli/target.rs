@@ -67,13 +67,10 @@ mod tests {
             commit: String::new(),
         };
         let target = |target_cost, target_error, known: Option<&ReferenceCost>, optimizer: Optimizer| {
-            let mut settings = Settings { optimizer, ..Settings::default() };
+            let mut settings = Settings::default().with(|s| s.optimizer = optimizer);
             let applied = TargetArgs { target_cost, target_error }.apply(&mut settings, &scene, known);
             applied.map_err(|error| error.to_string())?;
-            Ok::<_, String>(match settings.optimizer {
-                Optimizer::Rbvh(settings) => settings.limits.target_cost,
-                Optimizer::Prbvh | Optimizer::None => settings.prbvh.limits.target_cost,
-            })
+            Ok::<_, String>(settings.limits().target_cost)
         };
         let rbvh = || Optimizer::Rbvh(RbvhSettings::default());
         assert_eq!(target(None, None, Some(&known), Optimizer::Prbvh), Ok(None));

@@ -22,7 +22,12 @@ mod tests {
     use prbvh::optimize::IterationRow;
 
     fn run(build_s: f64, points: &[(f64, f64)]) -> OptimizerRun {
-        let row = |&(time_s, cost): &(f64, f64)| IterationRow { time_s, cost, ..IterationRow::default() };
+        let row = |&(time_s, cost): &(f64, f64)| {
+            IterationRow::default().with(|row| {
+                row.time_s = time_s;
+                row.cost = cost;
+            })
+        };
         OptimizerRun {
             method: String::new(),
             purpose: Purpose::OneThread,

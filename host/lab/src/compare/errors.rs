@@ -125,11 +125,12 @@ mod tests {
     use proptest::prelude::*;
 
     fn run(method: &str, build_s: f64, points: &[(f64, f64)]) -> OptimizerRun {
-        let row = |&(time_s, cost): &(f64, f64)| IterationRow {
-            time_s,
-            cost,
-            device_s: 0.5 * time_s,
-            ..IterationRow::default()
+        let row = |&(time_s, cost): &(f64, f64)| {
+            IterationRow::default().with(|row| {
+                row.time_s = time_s;
+                row.cost = cost;
+                row.device_s = 0.5 * time_s;
+            })
         };
         OptimizerRun {
             method: method.to_owned(),

@@ -84,7 +84,7 @@ mod tests {
             device: "gpu".to_owned(),
             build_s,
             build_device_s: Some(0.5 * build_s),
-            rows: vec![IterationRow { cost, ..IterationRow::default() }],
+            rows: vec![IterationRow::default().with(|row| row.cost = cost)],
             phases: Vec::new(),
             plan: Vec::new(),
         };

@@ -26,12 +26,12 @@ pub(super) fn jobs(table: &[Job]) -> Vec<(Purpose, Job)> {
     let default = PrbvhSettings::default().mu;
     let mu = MU.map(|mu| (Purpose::Mu, published(Settings::default(), mu)));
     let strategies = STRATEGIES.iter().map(|&strategy| {
-        let optimizer = PrbvhSettings { strategy, ..PrbvhSettings::default() };
-        let settings = Settings { prbvh: optimizer, ..Settings::default() };
+        let optimizer = PrbvhSettings::default().with(|s| s.strategy = strategy);
+        let settings = Settings::default().with(|s| s.prbvh = optimizer);
         (Purpose::Strategy, published(settings, default))
     });
     let initial = INITIAL.iter().map(|initial| {
-        let settings = Settings { initial: initial.clone(), ..Settings::default() };
+        let settings = Settings::default().with(|s| s.initial = initial.clone());
         (Purpose::Initial, worst_first(settings))
     });
     let is_in_table =

@@ -65,7 +65,7 @@ impl<'a> Subject<'a> {
         let threads = u32::try_from(if is_cpu { host.threads } else { 0 }).unwrap_or(u32::MAX);
         let mut made = match &job.builder {
             Builder::Pipeline(settings) => {
-                let settings = Settings { max_depth: host.max_depth, ..Settings::clone(settings) };
+                let settings = Settings::clone(settings).with(|s| s.max_depth = host.max_depth);
                 self.by_pipeline(&settings, device, &host.stop)?
             }
             Builder::Host { threads, build } => {
@@ -94,7 +94,7 @@ impl<'a> Subject<'a> {
             initial: settings.initial.to_string(),
             strategy: match settings.optimizer {
                 Optimizer::Prbvh => settings.prbvh.strategy.to_string(),
-                Optimizer::Rbvh(_) | Optimizer::None => String::new(),
+                _ => String::new(),
             },
             build_device_s: Some(seconds(&result.build_timings)),
             rows: result.outcome.rows,
@@ -182,7 +182,7 @@ fn run_of_builder(quality: &Quality, build_s: f64) -> OptimizerRun {
         device: String::new(),
         build_s,
         build_device_s: None,
-        rows: vec![IterationRow { cost: quality.sah_cost, ..IterationRow::default() }],
+        rows: vec![IterationRow::default().with(|row| row.cost = quality.sah_cost)],
         phases: Vec::new(),
         plan: Vec::new(),
     }

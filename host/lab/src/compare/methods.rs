@@ -9,7 +9,7 @@ use prbvh::build::MortonBits;
 use prbvh::build::TreeletSize;
 use prbvh::device::DeviceError;
 use prbvh::device::cpu::CpuDevice;
-use prbvh::optimize::{self, IterationRow, Order, PrbvhSettings, RbvhSettings, StopReason};
+use prbvh::optimize::{self, IterationRow, Order, RbvhSettings, StopReason};
 use prbvh::pipeline::{Initial, Optimizer, Settings};
 use prbvh::stop::Stop;
 use prbvh_kernel::node::Node;
@@ -130,24 +130,30 @@ const METHODS: &[Entry] = &[
 ];
 
 fn initial(method: String, initial: Initial) -> Job {
-    let settings = Settings { initial, optimizer: Optimizer::None, ..Settings::default() };
+    let settings = Settings::default().with(|s| {
+        s.initial = initial;
+        s.optimizer = Optimizer::None;
+    });
     Job { method, mu: None, builder: Builder::Pipeline(Box::new(settings)) }
 }
 
 /// PRBVH as published, with `settings` but for order and first µ.
 pub(super) fn published(settings: Settings, mu: u32) -> Job {
-    let prbvh = PrbvhSettings { order: Order::Published, mu, ..settings.prbvh.clone() };
+    let prbvh = settings.prbvh.clone().with(|s| {
+        s.order = Order::Published;
+        s.mu = mu;
+    });
     Job {
         method: "prbvh".to_owned(),
         mu: Some(mu),
-        builder: Builder::Pipeline(Box::new(Settings { prbvh, ..settings })),
+        builder: Builder::Pipeline(Box::new(settings.with(|s| s.prbvh = prbvh))),
     }
 }
 
 /// PRBVH, the worst nodes first, with `settings` but for the order.
 pub(super) fn worst_first(settings: Settings) -> Job {
-    let prbvh = PrbvhSettings { order: Order::WorstFirst, ..settings.prbvh.clone() };
-    let builder = Builder::Pipeline(Box::new(Settings { prbvh, ..settings }));
+    let prbvh = settings.prbvh.clone().with(|s| s.order = Order::WorstFirst);
+    let builder = Builder::Pipeline(Box::new(settings.with(|s| s.prbvh = prbvh)));
     Job { method: "prbvh worst first".to_owned(), mu: None, builder }
 }
 
@@ -173,7 +179,7 @@ fn rbvh(method: &str, build: HostBuilder) -> Job {
 }
 
 fn rbvh_as_published(triangles: &[Triangle], stop: &Stop) -> Result<HostBuilt, MethodError> {
-    run_rbvh(triangles, RbvhSettings { undo: false, ..RbvhSettings::default() }, stop)
+    run_rbvh(triangles, RbvhSettings::default().with(|s| s.undo = false), stop)
 }
 
 fn rbvh_with_undo(triangles: &[Triangle], stop: &Stop) -> Result<HostBuilt, MethodError> {
@@ -214,7 +220,7 @@ pub struct NoSuchMethod {
 #[must_use]
 pub fn method_names() -> Vec<&'static str> {
     let mut names: Vec<&str> = METHODS.iter().map(|entry| entry.name).collect();
-    for peer in peers::PEERS {
+    for peer in peers::all() {
         if !names.contains(&peer.name) {
             names.push(peer.name);
         }
@@ -229,7 +235,7 @@ pub fn method_names() -> Vec<&'static str> {
 pub fn jobs(names: &[String], settings: &MethodSettings) -> Result<Vec<Job>, NoSuchMethod> {
     if names.is_empty() {
         let ours = METHODS.iter().filter(|entry| entry.is_default).flat_map(|entry| (entry.jobs)(settings));
-        return Ok(ours.chain(peers::PEERS.iter().filter(|known| known.is_default).map(peer)).collect());
+        return Ok(ours.chain(peers::all().filter(|known| known.is_default).map(peer)).collect());
     }
     let mut jobs = Vec::new();
     for (k, name) in names.iter().enumerate() {
@@ -240,7 +246,7 @@ pub fn jobs(names: &[String], settings: &MethodSettings) -> Result<Vec<Job>, NoS
         if let Some(entry) = METHODS.iter().find(|entry| entry.name == name) {
             jobs.extend((entry.jobs)(settings));
         }
-        jobs.extend(peers::PEERS.iter().filter(|known| known.name == name).map(peer));
+        jobs.extend(peers::all().filter(|known| known.name == name).map(peer));
         if jobs.len() == before {
             return Err(NoSuchMethod { name: name.clone(), known: method_names().join(", ") });
         }

@@ -170,7 +170,10 @@ mod tests {
     fn traced(initial: Initial, views: &mut Views) -> Traced {
         let scene = built_in(500);
         let mut device = CpuDevice::new(1).unwrap();
-        let settings = Settings { initial, optimizer: Optimizer::None, ..Settings::default() };
+        let settings = Settings::default().with(|s| {
+            s.initial = initial;
+            s.optimizer = Optimizer::None;
+        });
         let tree = optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap().tree;
         views.trace(&mut device, &scene, &tree, (&SMALL, 1), Some("any")).unwrap()
     }

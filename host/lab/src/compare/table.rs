@@ -236,15 +236,16 @@ mod tests {
     #[test]
     fn notes_tell_once_what_a_bound_on_the_depth_changed() {
         let mut scene = scene();
-        let bound = DepthBound {
-            max_depth: 63,
-            depth_before: 80,
-            depth_after: 63,
-            cost_before: 100.0,
-            cost_after: 100.5,
-            subtrees: 1,
-            nodes: 20,
-        };
+        let bound = serde_json::from_value::<DepthBound>(serde_json::json!({
+            "max_depth": 63,
+            "depth_before": 80,
+            "depth_after": 63,
+            "cost_before": 100.0,
+            "cost_after": 100.5,
+            "subtrees": 1,
+            "nodes": 20
+        }))
+        .unwrap();
         (scene.rows[0].bound, scene.rows[2].bound) = (Some(bound), Some(bound));
         scene.rows.push(scene.rows[2].clone());
         let notes = notes(&scene);

@@ -13,7 +13,8 @@ use prbvh::pipeline::{Initial, Optimizer, Settings};
 use std::fmt;
 
 /// What a user wants most.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Preset {
     /// A tree soon.
     Fast,
@@ -143,16 +144,36 @@ impl Candidate {
             Then::Rbvh => (Optimizer::Rbvh(RbvhSettings::default()), PrbvhSettings::default()),
             Then::Published { mu, epsilon } => {
                 let epsilon = Epsilon::Relative(epsilon);
-                (Optimizer::Prbvh, PrbvhSettings { mu, epsilon, ..PrbvhSettings::published() })
+                (
+                    Optimizer::Prbvh,
+                    PrbvhSettings::published().with(|s| {
+                        s.mu = mu;
+                        s.epsilon = epsilon;
+                    }),
+                )
             }
             Then::WorstFirst { most_part, tail_part } => {
                 let usual = WorstFirst::default();
                 let top = if tail_part > 0.0 { usual.top } else { 0 };
-                let worst_first = WorstFirst { most_part, tail_part, top, ..usual };
-                (Optimizer::Prbvh, PrbvhSettings { order: Order::WorstFirst, worst_first, ..PrbvhSettings::default() })
+                let worst_first = usual.with(|s| {
+                    s.most_part = most_part;
+                    s.tail_part = tail_part;
+                    s.top = top;
+                });
+                (
+                    Optimizer::Prbvh,
+                    PrbvhSettings::default().with(|s| {
+                        s.order = Order::WorstFirst;
+                        s.worst_first = worst_first;
+                    }),
+                )
             }
         };
-        Settings { initial, optimizer, prbvh, ..Settings::default() }
+        Settings::default().with(|s| {
+            s.initial = initial;
+            s.optimizer = optimizer;
+            s.prbvh = prbvh;
+        })
     }
 }
 

@@ -92,7 +92,7 @@ mod tests {
     proptest! {
         #[test]
         fn no_bit_is_lost(iteration: u32, found: u32, cost in proptest::num::f64::NORMAL, time_s in 0.0..1e9f64) {
-            let rows = [IterationRow { iteration, found, cost, time_s, ..IterationRow::default() }];
+            let rows = [IterationRow::default().with(|row| { row.iteration = iteration; row.found = found; row.cost = cost; row.time_s = time_s; })];
             prop_assert_eq!(parsed(&written(&rows)), rows);
         }
     }

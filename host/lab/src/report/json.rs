@@ -11,7 +11,7 @@ pub(super) fn write(report: &RunReport, out: &mut dyn Write) -> io::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::report;
+    use super::super::{RunSettings, testing::report};
     use super::*;
     use serde_json::Value;
 
@@ -25,7 +25,7 @@ mod tests {
     fn the_keys_that_programs_rely_on_are_flat() {
         let report = report(4);
         let json = parsed(&report);
-        assert_eq!(json["schema"], 2);
+        assert_eq!(json["schema"], 3);
         assert_eq!(json["scene"], report.scene);
         assert_eq!(json["triangles"], report.triangles);
         assert_eq!(json["device"], report.device);
@@ -49,6 +49,8 @@ mod tests {
         assert_eq!(json["quality"]["initial"]["sah_cost"], report.initial_cost);
         assert_eq!(json["quality"]["final"]["sah_cost"], report.final_cost);
         assert_eq!(json["settings"]["max_time_s"], Value::Null);
+        assert_eq!(json["settings"]["initial"], "lbvh");
+        assert_eq!(serde_json::from_value::<RunSettings>(json["settings"].clone()).unwrap(), report.settings);
         assert_eq!(json["device_details"]["kind"], "cpu");
         assert_eq!(json["scene_details"]["census"]["duplicates"], 7);
         assert_eq!(json["program"]["version"], env!("CARGO_PKG_VERSION"));

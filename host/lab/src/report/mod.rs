@@ -13,7 +13,7 @@ mod testing;
 pub use crate::machine::Machine;
 pub use crate::phases::{Phase, PhaseTimes};
 pub use crate::program::Program;
-pub use run::{Memory, QualityReport, RunReference, RunReport, SCHEMA, SceneReport, Settings};
+pub use run::{Memory, QualityReport, RunReference, RunReport, RunSettings, SCHEMA, SceneReport};
 pub use table::table;
 
 use prbvh::write::{WriteError, write_atomically};

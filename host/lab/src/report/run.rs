@@ -2,19 +2,20 @@
 
 use crate::accuracy::AccuracyReport;
 use crate::machine::Machine;
-use crate::phases::Phase;
+use crate::phases::{Phase, PhaseTimes};
+use crate::presets::Preset;
 use crate::program::Program;
 use crate::reference::ReferenceCost;
-use prbvh::bvh::{DepthBound, MaxDepth, Quality, SahModel};
-use prbvh::collapse::CollapseSettings;
-use prbvh::device::DeviceInfo;
-use prbvh::optimize::{IterationRow, RbvhSettings, WorstFirst};
+use prbvh::bvh::{self, DepthBound, Quality, SahModel};
+use prbvh::device::{Device, DeviceInfo};
+use prbvh::optimize::IterationRow;
 use prbvh::plan::{DeviceCode, Item};
-use prbvh::scene::Note;
-use serde::Serialize;
+use prbvh::scene::{Note, Scene};
+use prbvh::{Optimized, Settings};
+use serde::{Deserialize, Serialize};
 
 /// Version of [`RunReport`] as JSON; grows when a key changes its meaning or goes away.
-pub const SCHEMA: u32 = 2;
+pub const SCHEMA: u32 = 3;
 
 /// A run, whole. As JSON the first keys are flat, for programs that want the outcome alone; what follows them explains it.
 #[derive(Clone, Debug, Serialize)]
@@ -60,7 +61,7 @@ pub struct RunReport {
     /// Device code that ran, and all there is.
     pub code: DeviceCode,
     /// What was asked for.
-    pub settings: Settings,
+    pub settings: RunSettings,
     /// Device memory.
     pub memory: Memory,
     /// Quality before and after.
@@ -92,6 +93,53 @@ pub struct RunReference {
 }
 
 impl RunReport {
+    /// All that is known of a run as it ends, on the device that it ran on.
+    #[must_use]
+    pub fn of(scene: &Scene, device: &dyn Device, settings: RunSettings, result: &Optimized) -> Self {
+        let triangles = u32::try_from(scene.triangles.len()).unwrap_or(u32::MAX);
+        let mut phases = PhaseTimes::default();
+        for timings in [&result.build_timings, &result.outcome.timings, &result.collapse_timings] {
+            phases.add(timings);
+        }
+        let handed_out = result.adaptive.unwrap_or(result.quality);
+        Self {
+            schema: SCHEMA,
+            scene: scene.name.clone(),
+            triangles,
+            device: device.info().name.clone(),
+            initial_cost: result.initial.sah_cost,
+            final_cost: result.quality.sah_cost,
+            reference: None,
+            adaptive_cost: result.adaptive.map(|quality| quality.sah_cost),
+            leaves: handed_out.leaves,
+            depth: handed_out.max_depth,
+            bound: result.bound,
+            iterations: result.outcome.rows.last().map_or(0, |row| row.iteration),
+            time_s: result.optimize_s,
+            tree_hash: bvh::tree_hash(&result.tree),
+            phases: phases.phases(),
+            build_s: result.build_s,
+            stop_reason: result.outcome.stop.to_string(),
+            plan: result.plan.lines(),
+            plan_items: result.plan.items.clone(),
+            code: DeviceCode::of(&result.ran, device.info()),
+            settings,
+            memory: Memory::new(device.memory().peak_bytes, triangles),
+            quality: QualityReport { initial: result.initial, last: handed_out },
+            scene_details: SceneReport {
+                source: scene.source.clone(),
+                hash: scene.hash.clone(),
+                census: serde_json::to_value(&scene.census).unwrap_or_default(),
+                notes: scene.notes.clone(),
+            },
+            device_details: device.info().clone(),
+            machine: Machine::current(),
+            program: Program::current(),
+            accuracy: None,
+            rows: result.outcome.rows.clone(),
+        }
+    }
+
     /// Compares the final cost with the one of the reference file, if there is one.
     pub fn set_reference(&mut self, known: Option<&ReferenceCost>) {
         let cost = self.final_cost;
@@ -118,49 +166,24 @@ pub struct SceneReport {
     pub notes: Vec<Note>,
 }
 
-/// What was asked for.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Settings {
-    /// Builder of the initial tree, or the file that it was read from.
-    pub initial: String,
-    /// Radius of PLOC; none for another builder.
-    pub radius: Option<u32>,
-    /// Leaves of the treelets of ATRBVH; none for another builder.
-    pub treelet: Option<u32>,
-    /// Optimiser: `prbvh`, `rbvh` or `none`. `order` and what follows from it are for `prbvh` alone.
-    pub optimizer: String,
-    /// Settings of RBVH; none for another optimiser.
-    pub rbvh: Option<RbvhSettings>,
-    /// Whether triangles of equal boxes were one reference.
-    pub fold_duplicates: bool,
-    /// Most links between root and leaf; none: no bound.
-    pub max_depth: MaxDepth,
-    /// Locking strategy.
-    pub strategy: String,
-    /// Which nodes are searched first.
-    pub order: String,
-    /// How the worst nodes are searched first; none for another order. `strategy`, `mu` and `epsilon` are for the published order alone.
-    pub worst_first: Option<WorstFirst>,
-    /// Sparse search: one node in `mu` is searched per iteration, at first.
-    pub mu: u32,
-    /// Change of cost below which `mu` shrinks.
-    pub epsilon: f64,
-    /// Whether `epsilon` is a share of the initial cost (else it is a cost).
-    pub epsilon_relative: bool,
-    /// Most iterations; none: no limit.
-    pub max_iterations: Option<u32>,
-    /// Longest wall time, seconds; none: no limit.
-    pub max_time_s: Option<f64>,
-    /// Cost at which the run ends, unitless; none: no limit.
-    pub target_cost: Option<f64>,
-    /// Preset that the settings are of; none: of arguments or defaults.
-    pub preset: Option<String>,
+/// What was asked for. `run` and what stands beside it are one object.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunSettings {
+    /// Of the library.
+    #[serde(flatten)]
+    pub run: Settings,
+    /// Preset that they are of; none: of arguments or defaults.
+    pub preset: Option<Preset>,
     /// Threads of the CPU device; none: as many as there are.
     pub threads: Option<u32>,
     /// Costs behind every SAH cost of the report but that of adaptive leaves.
     pub sah: SahModel,
-    /// Adaptive leaves; none: one triangle per leaf.
-    pub adaptive: Option<CollapseSettings>,
+}
+
+impl From<Settings> for RunSettings {
+    fn from(run: Settings) -> Self {
+        Self { run, preset: None, threads: None, sah: SahModel::default() }
+    }
 }
 
 /// Device memory in buffers.

@@ -76,7 +76,7 @@ fn ended(row: &mut Row, method: &Method, result: &Optimized) {
     let is_bounded = method.settings.optimizer == Optimizer::Prbvh;
     let most = match method.settings.prbvh.order {
         Order::Published => MAX_STEPS,
-        Order::WorstFirst => MAX_ROUNDS,
+        _ => MAX_ROUNDS,
     };
     if is_bounded && row.most_steps > most {
         row.breach(Property::Steps, format!("a search took {} steps of {most}", row.most_steps));
@@ -177,13 +177,12 @@ impl Variants<'_> {
 
     fn axes_and_moves(&self, row: &mut Row, device: &mut dyn Device) -> Result<(), RunError> {
         let Settings { initial, morton_bits, prbvh, max_depth, .. } = &self.method.settings;
-        let builder = Settings {
-            initial: initial.clone(),
-            morton_bits: *morton_bits,
-            prbvh: PrbvhSettings { limits: Limits::iterations(0), ..prbvh.clone() },
-            max_depth: *max_depth,
-            ..Settings::default()
-        };
+        let builder = Settings::default().with(|s| {
+            s.initial = initial.clone();
+            s.morton_bits = *morton_bits;
+            s.prbvh = prbvh.clone().with(|s| s.limits = Limits::iterations(0));
+            s.max_depth = *max_depth;
+        });
         let initial = self.subject.run(&self.ready.scene, &builder, device)?.tree;
         self.moves(row, &[&initial, &self.result.tree], prbvh.order, device)?;
         self.axes(row, &initial, prbvh, device)
@@ -215,7 +214,7 @@ impl Variants<'_> {
             // Written so that a NaN is a breach.
             let bound = match prbvh.order {
                 Order::Published => AXES_BOUND,
-                Order::WorstFirst => DUAL_AXES_BOUND,
+                _ => DUAL_AXES_BOUND,
             };
             if change.partial_cmp(&bound) != Some(std::cmp::Ordering::Less) {
                 row.breach(Property::Axes, format!("{axes:?}: the optimised cost changed by {change:e}"));
@@ -237,7 +236,7 @@ impl Variants<'_> {
                 count += 1;
                 let decrease = match order {
                     Order::Published => Some(accuracy::area_decrease(&nodes, found.input(), found.output)),
-                    Order::WorstFirst => accuracy::dual_area_decrease(&nodes, &found),
+                    _ => accuracy::dual_area_decrease(&nodes, &found),
                 };
                 // Written so that a NaN is a breach, and so is what is no move.
                 if decrease.is_none_or(|decrease| decrease.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater)) {

@@ -45,9 +45,7 @@ impl Lane {
     pub fn open(choice: DeviceChoice, threads: usize, validate: bool) -> Result<Self, DeviceError> {
         match choice {
             DeviceChoice::Cpu => Self::cpu(threads),
-            DeviceChoice::Auto | DeviceChoice::Vulkan(_) => {
-                Ok(Self::new(choice.to_string(), device::open(choice, threads, validate)?))
-            }
+            _ => Ok(Self::new(choice.to_string(), device::open(choice, threads, validate)?)),
         }
     }
 

@@ -21,23 +21,44 @@ pub struct Method {
 
 impl Method {
     fn builder(name: &'static str, initial: Initial) -> Self {
-        let prbvh = PrbvhSettings { limits: Limits::iterations(0), ..PrbvhSettings::default() };
-        Self { name, settings: Settings { initial, prbvh, ..unbounded() }, optimizes: false }
+        let prbvh = PrbvhSettings::default().with(|s| s.limits = Limits::iterations(0));
+        Self {
+            name,
+            settings: unbounded().with(|s| {
+                s.initial = initial;
+                s.prbvh = prbvh;
+            }),
+            optimizes: false,
+        }
     }
 
     fn published(name: &'static str, initial: Initial, mu: u32) -> Self {
-        let prbvh = PrbvhSettings { mu, ..PrbvhSettings::published() };
-        Self { name, settings: Settings { initial, prbvh, ..unbounded() }, optimizes: true }
+        let prbvh = PrbvhSettings::published().with(|s| s.mu = mu);
+        Self {
+            name,
+            settings: unbounded().with(|s| {
+                s.initial = initial;
+                s.prbvh = prbvh;
+            }),
+            optimizes: true,
+        }
     }
 
     fn worst_first(name: &'static str, initial: Initial) -> Self {
-        let prbvh = PrbvhSettings { order: Order::WorstFirst, ..PrbvhSettings::default() };
-        Self { name, settings: Settings { initial, prbvh, ..unbounded() }, optimizes: true }
+        let prbvh = PrbvhSettings::default().with(|s| s.order = Order::WorstFirst);
+        Self {
+            name,
+            settings: unbounded().with(|s| {
+                s.initial = initial;
+                s.prbvh = prbvh;
+            }),
+            optimizes: true,
+        }
     }
 
     fn rbvh(name: &'static str) -> Self {
         let optimizer = Optimizer::Rbvh(RbvhSettings::default());
-        Self { name, settings: Settings { optimizer, ..unbounded() }, optimizes: true }
+        Self { name, settings: unbounded().with(|s| s.optimizer = optimizer), optimizes: true }
     }
 
     fn conservative(mut self) -> Self {
@@ -66,7 +87,7 @@ impl Method {
 
 /// Trees as deep as they become: what is to be stable is what makes them, and rays through trees of any depth.
 fn unbounded() -> Settings {
-    Settings { max_depth: MaxDepth::OFF, ..Settings::default() }
+    Settings::default().with(|s| s.max_depth = MaxDepth::OFF)
 }
 
 /// All methods, in the order of the table. A new builder, strategy or optimiser gets its row here and nowhere else.

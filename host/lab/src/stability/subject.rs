@@ -77,7 +77,7 @@ pub trait Subject {
                 let buffers = [&tree.nodes, &found, &books, &report];
                 recording.dispatch("search", Kernel::PrbvhSearch, params.count, &params, &buffers);
             }
-            Order::WorstFirst => {
+            _ => {
                 let inputs: Vec<u32> = (1..nodes.len() as u32 / 2).collect();
                 // As the tail of a run searches: each child first, and to the root.
                 let params = DualParams {

@@ -110,7 +110,7 @@ pub(crate) fn text_of(panic: &(dyn std::any::Any + Send)) -> String {
 
 fn scene(path: &Path) -> Outcome {
     let scene = load(path).map_err(|error| error.to_string())?;
-    match load_with(path, &LoadOptions { strict: true, ..LoadOptions::default() }) {
+    match load_with(path, &LoadOptions::default().with(|s| s.strict = true)) {
         Ok(_) if scene.notes.is_empty() => {}
         Err(SceneError::NotWhole { notes, .. }) if !notes.is_empty() && notes == scene.notes => {}
         other => return Ok(Err(format!("{:?}, but strictly {other:?}", scene.notes))),

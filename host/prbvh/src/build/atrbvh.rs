@@ -7,11 +7,11 @@ use prbvh_kernel::Kernel;
 use prbvh_kernel::atrbvh::{LevelsParams, RestructureParams};
 use prbvh_kernel::setup::Triangle;
 use prbvh_kernel::status::{APPLIED, FAULTS, REPORT_WORDS};
-use serde::Serialize;
 use std::borrow::Cow;
 
 /// What a pass over the tree did.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Pass {
     /// Fewest references below a treelet root.
     pub gamma: u32,
@@ -25,6 +25,7 @@ pub struct Pass {
 
 /// What the restructuring of a tree did.
 #[derive(Clone, Debug, Default)]
+#[non_exhaustive]
 pub struct Restructured {
     /// The passes in their order; none where the tree has only one shape.
     pub passes: Vec<Pass>,

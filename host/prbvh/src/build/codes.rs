@@ -7,22 +7,25 @@ use prbvh_kernel::mem::Slot;
 use prbvh_kernel::morton::{MortonParams, WORD_BITS, code_60};
 use prbvh_kernel::setup::Triangle;
 use rayon::prelude::*;
-use serde::Serialize;
 
 /// Length of the Morton codes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub enum MortonBits {
     /// Ten bits per axis.
-    #[serde(rename = "30")]
+    #[cfg_attr(feature = "serde", serde(rename = "30"))]
     Thirty,
     /// Twenty bits per axis.
     #[default]
-    #[serde(rename = "60")]
+    #[cfg_attr(feature = "serde", serde(rename = "60"))]
     Sixty,
 }
 
 /// What a builder computes and sorts of the Morton codes. From [`MortonBits`] alone: all bits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct Codes {
     /// Length of the codes.
     pub bits: MortonBits,
@@ -56,7 +59,9 @@ const WORTH_A_LOOK: usize = 3;
 const FIRST_CHUNK: usize = 1 << 10;
 
 /// What the codes of 60 bits tell. It takes no longer than what it can save.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct CodeCensus {
     /// Bits in which the upper words (the codes of 30 bits) differ; all if not every code was looked at.
     pub differing_high: u32,

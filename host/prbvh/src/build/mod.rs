@@ -37,6 +37,7 @@ use prbvh_kernel::refit::RefitParams;
 
 /// A tree on a device: `2n-1` nodes in the form of [`prbvh_kernel::node`].
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct DeviceTree {
     /// References (triangles), `n`.
     pub references: u32,

@@ -1,16 +1,16 @@
 //! How large the treelets of ATRBVH are.
 
-use serde::Serialize;
 use std::fmt;
 
 /// Leaves of a treelet of ATRBVH (Domingues & Pedrini 2015), 4 to 32.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(transparent)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "u32", into = "u32"))]
 pub struct TreeletSize(u32);
 
 /// A number of leaves that no treelet has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("a treelet has {min} to {max} leaves, not {leaves}", min = TreeletSize::MIN, max = TreeletSize::MAX)]
+#[non_exhaustive]
 pub struct TreeletSizeError {
     leaves: u32,
 }
@@ -35,6 +35,20 @@ impl TreeletSize {
     #[must_use]
     pub const fn get(self) -> u32 {
         self.0
+    }
+}
+
+impl TryFrom<u32> for TreeletSize {
+    type Error = TreeletSizeError;
+
+    fn try_from(leaves: u32) -> Result<Self, TreeletSizeError> {
+        Self::new(leaves)
+    }
+}
+
+impl From<TreeletSize> for u32 {
+    fn from(size: TreeletSize) -> Self {
+        size.get()
     }
 }
 

@@ -16,6 +16,7 @@ const CHECKSUM_BYTES: usize = 16;
 
 /// What a file holds.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct TreeFile {
     /// The tree, its nodes in the order of the file.
     pub tree: Bvh,

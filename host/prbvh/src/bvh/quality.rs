@@ -2,10 +2,10 @@
 
 use super::{Bvh, Content, ROOT};
 use prbvh_kernel::aabb::Aabb;
-use serde::{Deserialize, Serialize};
 
 /// Costs of the surface area heuristic (MacDonald & Booth 1990), unitless.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SahModel {
     /// A step of the traversal through an internal node.
     pub c_traversal: f64,
@@ -21,7 +21,9 @@ impl Default for SahModel {
 }
 
 /// Quality of a tree.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct Quality {
     /// `(c_traversal · Σ area(internal) + c_intersect · Σ area(leaf) · triangles) / area(root)`, unitless.
     ///
@@ -47,7 +49,7 @@ pub struct Quality {
     /// Triangles.
     pub triangles: u32,
     /// Whether the root's box has no area, so that every ratio counts as 1.
-    #[serde(default)]
+    #[cfg_attr(feature = "serde", serde(default))]
     pub is_root_flat: bool,
 }
 

@@ -7,6 +7,7 @@ use prbvh_kernel::setup::Triangle;
 
 /// What [`validate`] counted on its way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct TreeStats {
     /// Triangles.
     pub triangles: u32,

@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 /// Which Vulkan device to open.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Selection {
     /// The best that prbvh can run on: a discrete GPU before an integrated one, a virtual one, a CPU.
     #[default]
@@ -15,6 +16,7 @@ pub enum Selection {
 
 /// A device by the name that a user gives it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum DeviceChoice {
     /// The best Vulkan GPU that the kernels can run on, else the CPU.
     #[default]

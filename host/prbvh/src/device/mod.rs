@@ -25,8 +25,6 @@ pub use stoppable::Stoppable;
 pub use traffic::Traffic;
 pub(crate) use watched::Watched;
 
-use serde::Serialize;
-
 /// Runs recordings on buffers that it owns.
 pub trait Device {
     /// What the device is and can do.
@@ -91,7 +89,9 @@ pub fn on_host<T: Send>(device: &dyn Device, work: impl FnOnce() -> T + Send) ->
 }
 
 /// What a device is and can do.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct DeviceInfo {
     /// Name as the driver or the system gives it.
     pub name: String,
@@ -111,9 +111,26 @@ pub struct DeviceInfo {
     pub busy_invocations: u32,
 }
 
+impl DeviceInfo {
+    /// A device of 32-bit atomics without known limits, for who has a [`Device`] of their own; the fields say more.
+    #[must_use]
+    pub fn new(name: impl Into<String>, kind: DeviceKind) -> Self {
+        Self {
+            name: name.into(),
+            kind,
+            driver: String::new(),
+            max_buffer_bytes: u64::MAX,
+            max_buffer_limit: "address space",
+            memory_bytes: 0,
+            atomics_64: false,
+            busy_invocations: 1,
+        }
+    }
+}
+
 /// Kind of device.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "kebab-case"))]
 pub enum DeviceKind {
     /// The kernels compiled natively.
     Cpu,
@@ -133,7 +150,8 @@ pub struct Timing {
 }
 
 /// Memory of a device in buffers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct MemoryUse {
     /// Bytes now.
     pub bytes: u64,

@@ -1,10 +1,11 @@
 //! How often host and device speak with each other.
 
 use super::{Command, Recording};
-use serde::Serialize;
 
 /// What a device was asked for since it was opened.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct Traffic {
     /// Times that the host handed work to the device and waited for its end; on a CPU device, recordings.
     pub submissions: u64,

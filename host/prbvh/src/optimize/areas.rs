@@ -9,6 +9,7 @@ use prbvh_kernel::status::REPORT_WORDS;
 
 /// Sums of half areas, scene units².
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct TreeAreas {
     /// Of the root alone.
     pub root: f64,

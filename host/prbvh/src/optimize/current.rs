@@ -9,6 +9,7 @@ use prbvh_kernel::prbvh::dual::search::DualParams;
 
 /// A round of dual moves: what was searched, and what came out.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct DualRound {
     /// How.
     pub params: DualParams,

@@ -1,20 +1,22 @@
 //! When and why an optimiser stops.
 
 use crate::stop::Stop;
-use serde::Serialize;
 use std::time::Duration;
 
 /// What ends an optimiser early. An iteration is a batch of RBVH.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct Limits {
     /// Most iterations.
     pub max_iterations: u32,
     /// No iteration starts after this wall time.
+    #[cfg_attr(feature = "serde", serde(rename = "max_time_s", with = "crate::written::seconds"))]
     pub max_time: Option<Duration>,
     /// No iteration starts once a tree has this cost or less; unitless, as [`IterationRow::cost`](super::IterationRow::cost).
     pub target_cost: Option<f64>,
     /// No iteration starts once this is asked for; a new top that is being made is the last.
-    #[serde(skip)]
+    #[cfg_attr(feature = "serde", serde(skip))]
     pub stop: Option<Stop>,
 }
 
@@ -50,8 +52,9 @@ impl Limits {
 }
 
 /// Why the optimiser stopped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "kebab-case"))]
+#[non_exhaustive]
 pub enum StopReason {
     /// The cost no longer changes by more than epsilon with µ = 1, or nothing moves.
     Converged,

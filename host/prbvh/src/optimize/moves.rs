@@ -7,12 +7,12 @@ use prbvh_kernel::kept::{Kept, RestoreParams};
 use prbvh_kernel::prbvh::worst::RoundParams;
 use prbvh_kernel::prbvh::worst::books::{BOOKS_WORDS, OVER_LIST};
 use prbvh_kernel::prbvh::{LAST, Move, PrbvhParams, ROUNDS, SECOND_WORD};
-use serde::Serialize;
 use std::fmt;
 
 /// When a reinsertion may run beside others (Meister & Bittner 2018, §4.3).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
+#[non_exhaustive]
 pub enum Strategy {
     /// If their links do not overlap: more of them, whose decreases of the cost need not add up. The cost may rise.
     #[default]

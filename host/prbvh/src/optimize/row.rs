@@ -1,10 +1,10 @@
 //! What one iteration did.
 
-use serde::{Deserialize, Serialize};
-
 /// An iteration; the fields are the columns of `iterations.csv`. Row 0 is the initial tree. What the counts mean for RBVH:
 /// [`rbvh`](super::rbvh()).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct IterationRow {
     /// Number; 0 is the initial tree.
     pub iteration: u32,

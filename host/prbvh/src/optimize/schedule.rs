@@ -1,12 +1,18 @@
 //! Which nodes are searched when, and when to stop.
 
 use super::{Limits, Strategy};
-use serde::Serialize;
+#[cfg(feature = "serde")]
+use crate::written;
 use std::time::Duration;
 
 /// A change of the SAH cost that counts as none.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(from = "written::Epsilon", into = "written::Epsilon")
+)]
+#[non_exhaustive]
 pub enum Epsilon {
     /// As a part of the initial cost.
     Relative(f64),
@@ -15,8 +21,9 @@ pub enum Epsilon {
 }
 
 /// Which nodes are searched first.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
+#[non_exhaustive]
 pub enum Order {
     /// Those that look worst, few at first and then ever more of them; both children of each move ([`prbvh_kernel::prbvh::worst`]).
     #[default]
@@ -36,7 +43,9 @@ impl std::fmt::Display for Order {
 }
 
 /// How [`Order::WorstFirst`] searches.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
+#[non_exhaustive]
 pub struct WorstFirst {
     /// Nodes of the first round.
     pub first: u32,
@@ -96,7 +105,9 @@ impl Default for WorstFirst {
 const NEWS: Duration = Duration::from_millis(20);
 
 /// Settings of the optimiser.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
+#[non_exhaustive]
 pub struct PrbvhSettings {
     /// Which nodes are searched first.
     pub order: Order,
@@ -107,16 +118,17 @@ pub struct PrbvhSettings {
     /// Of [`Order::Published`]: every `mu`-th node is searched, another set each iteration; at least 1. Falls to 1 as the cost settles.
     pub mu: u32,
     /// Of [`Order::Published`]: a smaller change of the cost ends the search with this `mu`.
+    #[cfg_attr(feature = "serde", serde(flatten))]
     pub epsilon: Epsilon,
     /// What ends it early.
-    #[serde(flatten)]
+    #[cfg_attr(feature = "serde", serde(flatten))]
     pub limits: Limits,
     /// Of [`Order::Published`]: iterations without a new best tree, by more than `epsilon`, that end the search with this `mu`: the published rule can
     /// cycle for ever.
     pub patience: u32,
     /// Iterations run on the device without a word from the host for about this long. 0: each by itself, so that an observer finds the tree of its row;
     /// else it finds that of the last. Has no influence on the tree.
-    #[serde(skip)]
+    #[cfg_attr(feature = "serde", serde(skip))]
     pub news: Duration,
 }
 

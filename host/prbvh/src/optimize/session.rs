@@ -16,6 +16,7 @@ use std::time::Instant;
 
 /// What an optimiser did; the tree is the best one.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Outcome {
     /// Row 0 is the initial tree.
     pub rows: Vec<IterationRow>,

@@ -39,7 +39,7 @@ pub(super) fn initial_tree(
         Initial::SahSweep => ("sah sweep", on_host(device, || build::sah_sweep(&working))),
         Initial::SahBinned => ("sah binned", on_host(device, || build::sah_binned(&working))),
         #[cfg(feature = "files")]
-        Initial::File(path) => ("read tree", build::from_file(path, scene, &working)?),
+        Initial::File { path } => ("read tree", build::from_file(path, scene, &working)?),
     };
     drop(working);
     let timing = Timing { label, seconds: start.elapsed().as_secs_f64() };

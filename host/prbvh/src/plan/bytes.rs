@@ -1,10 +1,11 @@
 //! Device memory of a phase.
 
 use crate::device::{DeviceError, DeviceInfo};
-use serde::Serialize;
 
 /// Device memory of a phase, what outlives the phases before it included.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct PhaseBytes {
     /// Name.
     pub phase: String,

@@ -3,12 +3,13 @@
 use crate::device::{DeviceInfo, DeviceKind};
 use crate::format;
 use prbvh_kernel::Kernel;
-use serde::Serialize;
 use std::collections::BTreeSet;
 use std::fmt;
 
 /// Kernels, and the bytes of their SPIR-V modules.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct CodeSize {
     /// Kernels.
     pub kernels: usize,
@@ -40,7 +41,9 @@ fn spirv_bytes(_: Kernel) -> u64 {
 }
 
 /// What of the program's device code a run takes.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct DeviceCode {
     /// Whether the device compiles a module when its kernel is first run; else kernels are native code of the program.
     pub compiled_at_run: bool,

@@ -1,12 +1,12 @@
 //! One decision of a plan.
 
 use crate::format;
-use serde::Serialize;
 use std::fmt;
 
 /// Something that a run can do without.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "kebab-case"))]
+#[non_exhaustive]
 pub enum Omission {
     /// Morton codes and their sort.
     Codes,
@@ -70,8 +70,9 @@ impl fmt::Display for Omission {
 }
 
 /// What became of it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "kebab-case"))]
+#[non_exhaustive]
 pub enum Status {
     /// The run does without.
     LeftOut,
@@ -96,7 +97,9 @@ impl fmt::Display for Status {
 }
 
 /// What leaving it out saves.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct Saving {
     /// Device memory at the peak of the phase, bytes.
     pub bytes: u64,
@@ -113,7 +116,9 @@ pub struct Saving {
 }
 
 /// One decision: what is left out or not, why, and what that saves.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct Item {
     /// What the decision is about.
     pub omission: Omission,

@@ -20,12 +20,13 @@ use crate::fold::Fold;
 use crate::scene::Scene;
 use crate::settings::{Optimizer, Settings};
 use prbvh_kernel::Kernel;
-use serde::Serialize;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// What a run will do.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct Plan {
     /// Triangles that it was made for.
     pub triangles: usize,
@@ -46,12 +47,13 @@ pub struct Plan {
     /// References that the tree is built and optimised over: triangles, less those folded.
     pub references: usize,
     /// Classes of triangles with equal boxes, where they are folded.
-    #[serde(skip)]
+    #[cfg_attr(feature = "serde", serde(skip))]
     pub(crate) fold: Option<Arc<Fold>>,
 }
 
 /// A plan that was made for something else, or was changed since.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum PlanMismatch {
     /// Another scene.
     #[error("the plan was made for another scene: its hash is {planned}, not {scene}")]

@@ -5,7 +5,9 @@ use rayon::prelude::*;
 use std::hash::{DefaultHasher, Hasher};
 
 /// Counts and measures of a scene of at least one triangle, all of finite coordinates.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct Census {
     /// Triangles.
     pub triangles: usize,

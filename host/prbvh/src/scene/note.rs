@@ -1,18 +1,18 @@
 //! What of a scene file was not read, or not as the file means it.
 
 use super::place::Place;
-use serde::{Serialize, Serializer};
 use std::fmt;
 
 /// Something in a scene file that became no triangles, or others than the file means. Statements, elements and extensions that never hold
 /// triangles are none.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct Note {
     /// What it is, and what became of it.
     pub what: String,
     /// Where the first one is.
-    #[serde(serialize_with = "bare")]
+    #[cfg_attr(feature = "serde", serde(serialize_with = "bare"))]
     pub first: Place,
     /// How many there are.
     pub count: u64,
@@ -38,7 +38,8 @@ fn place(place: Place) -> String {
     }
 }
 
-fn bare<S: Serializer>(first: &Place, serializer: S) -> Result<S::Ok, S::Error> {
+#[cfg(feature = "serde")]
+fn bare<S: serde::Serializer>(first: &Place, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(&place(*first))
 }
 

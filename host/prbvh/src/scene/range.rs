@@ -18,7 +18,8 @@ const WHOLE: f64 = (1u32 << 24) as f64;
 /// 2^13 of the largest. Coordinates become multiples of 2^-62, which changes only those below 2^-39 in magnitude, 2^-93 of the
 /// scene: extents are then multiples of 2^-62 too, and every product of two is 0 or at least 2^-124. That is a normal float32,
 /// so it makes no difference whether a device flushes denormal numbers to zero.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct SafeRange {
     /// Working coordinates are those of the scene times 2^`exponent`.
     pub exponent: i32,

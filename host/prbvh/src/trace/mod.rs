@@ -16,6 +16,7 @@ pub use prbvh_kernel::ray::{Hit, NO_TRIANGLE, Ray, SOME_TRIANGLE, UNFINISHED};
 
 /// What is asked of a ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Query {
     /// The hit with the smallest parameter; of equal ones the triangle with the lowest number.
     Closest,

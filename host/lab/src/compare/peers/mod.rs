@@ -5,8 +5,6 @@ mod bvh_crate;
 mod child;
 #[cfg(feature = "peers")]
 mod obvhs;
-#[cfg(feature = "planted-peers")]
-mod planted;
 mod wire;
 
 pub use child::{PeerError, PeerHost};
@@ -16,35 +14,47 @@ pub(super) use child::run;
 
 use prbvh_kernel::setup::Triangle;
 use std::path::Path;
+use std::sync::OnceLock;
 
 /// A library with a setting.
-#[derive(Debug)]
-pub(super) struct Peer {
+#[derive(Clone, Copy, Debug)]
+pub struct Peer {
     /// Name for `--methods`; a library with several settings has it in several rows.
-    pub(super) name: &'static str,
+    pub name: &'static str,
     /// Name of the row.
-    pub(super) method: &'static str,
+    pub method: &'static str,
     /// Whether it is compared where no methods are named.
-    pub(super) is_default: bool,
+    pub is_default: bool,
     /// Builds a tree of one triangle per leaf with the threads of the current rayon pool, and takes its time.
-    build: fn(&[Triangle]) -> PeerTree,
+    pub build: fn(&[Triangle]) -> PeerTree,
 }
 
 /// All that were compiled in.
-pub(super) const PEERS: &[Peer] = &[
+const PEERS: &[Peer] = &[
     #[cfg(feature = "peers")]
     Peer { name: "obvhs", method: obvhs::DEFAULT, is_default: true, build: obvhs::default },
     #[cfg(feature = "peers")]
     Peer { name: "obvhs", method: obvhs::BEST, is_default: true, build: obvhs::best },
     #[cfg(feature = "peers")]
     Peer { name: "bvh", method: "bvh", is_default: true, build: bvh_crate::build },
-    #[cfg(feature = "planted-peers")]
-    Peer { name: "planted-panic", method: "planted-panic", is_default: false, build: planted::panic },
-    #[cfg(feature = "planted-peers")]
-    Peer { name: "planted-hang", method: "planted-hang", is_default: false, build: planted::hang },
-    #[cfg(feature = "planted-peers")]
-    Peer { name: "planted-wrong", method: "planted-wrong", is_default: false, build: planted::wrong },
 ];
+
+/// Those of a program that has some of its own.
+static ADDED: OnceLock<&[Peer]> = OnceLock::new();
+
+/// Compares with these, too: for a program that calls it before all else, both where it compares and where it is the process of a peer
+/// ([`serve`]).
+///
+/// # Panics
+/// If some were added before.
+pub fn add(peers: &'static [Peer]) {
+    assert!(ADDED.set(peers).is_ok(), "peers are added once");
+}
+
+/// All that are known.
+pub(super) fn all() -> impl Iterator<Item = &'static Peer> {
+    PEERS.iter().chain(ADDED.get().copied().unwrap_or_default())
+}
 
 /// Why the process of a peer did not do its work.
 #[derive(Debug, thiserror::Error)]
@@ -69,7 +79,7 @@ pub enum ServeError {
 /// # Errors
 /// If a file cannot be read or written, or the library panics.
 pub fn serve(method: &str, scene: &Path, out: &Path, threads: usize) -> Result<(), ServeError> {
-    let peer = PEERS.iter().find(|peer| peer.method == method);
+    let peer = all().find(|peer| peer.method == method);
     let peer = peer.ok_or_else(|| ServeError::NoSuchPeer(method.to_owned()))?;
     let triangles = wire::read_triangles(scene)?;
     // Libraries may ask for the pool by themselves.

@@ -19,15 +19,30 @@ mod shape;
 use super::quality::{Quality, SahModel, quality};
 use super::{Bvh, Content, ROOT, TreeFault};
 use rebuild::Rebuilt;
-use serde::{Deserialize, Serialize};
 use shape::Shape;
 use std::fmt;
 use std::str::FromStr;
 
 /// Most links between the root and a leaf, or no bound.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(transparent)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(from = "Option<u32>", into = "Option<u32>")
+)]
 pub struct MaxDepth(Option<u32>);
+
+impl From<Option<u32>> for MaxDepth {
+    fn from(links: Option<u32>) -> Self {
+        links.map_or(Self::OFF, Self::new)
+    }
+}
+
+impl From<MaxDepth> for Option<u32> {
+    fn from(depth: MaxDepth) -> Self {
+        depth.get()
+    }
+}
 
 impl MaxDepth {
     /// A tree may be as deep as it has leaves.
@@ -126,6 +141,7 @@ impl FromStr for MaxDepth {
 /// A bound that no tree over so many leaves can keep to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("no tree over {leaves} triangles has a depth of at most {max_depth}: the least is {least}")]
+#[non_exhaustive]
 pub struct TooShallow {
     /// The bound.
     pub max_depth: u32,
@@ -139,7 +155,9 @@ pub struct TooShallow {
 pub const SAH_BUDGET: f64 = 0.1;
 
 /// What a bound on the depth changed.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct DepthBound {
     /// The bound: most links between the root and a leaf.
     pub max_depth: u32,

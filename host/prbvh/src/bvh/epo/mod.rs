@@ -28,6 +28,7 @@ const SEED: u64 = 0x45_50_4f;
 
 /// End-point overlap of a tree.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Epo {
     /// The overlap, unitless.
     pub value: f64,

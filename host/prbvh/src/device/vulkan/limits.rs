@@ -4,11 +4,12 @@ use super::instance::{API_VERSION, Instance};
 use crate::device::{DeviceError, DeviceInfo, DeviceKind};
 use ash::vk;
 use prbvh_kernel::{Kernel, grid};
-use serde::Serialize;
 use std::fmt;
 
 /// A Vulkan device as `prbvh devices` shows it.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct DeviceSummary {
     /// Number by which it can be chosen.
     pub index: usize,
@@ -43,8 +44,9 @@ pub struct DeviceSummary {
 }
 
 /// Something that the kernels need and a device lacks.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "kebab-case"))]
+#[non_exhaustive]
 pub enum Missing {
     /// A feature, by its name.
     Feature(&'static str),

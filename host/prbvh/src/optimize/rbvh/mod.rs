@@ -24,12 +24,13 @@ use rows::Rows;
 use schedule::{Schedule, Source};
 use search::Search;
 use select::Selection;
-use serde::Serialize;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
 /// Settings of RBVH.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
+#[non_exhaustive]
 pub struct RbvhSettings {
     /// Part of the nodes with a grandparent that a batch takes, above 0 and at most 1; but 32 nodes at least.
     pub batch: f64,
@@ -44,7 +45,7 @@ pub struct RbvhSettings {
     /// Batches without an improvement that end the search.
     pub patience: u32,
     /// What ends it early.
-    #[serde(flatten)]
+    #[cfg_attr(feature = "serde", serde(flatten))]
     pub limits: Limits,
     /// Seed of the random picks.
     pub seed: u64,

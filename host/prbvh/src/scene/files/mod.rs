@@ -26,6 +26,7 @@ use std::path::Path;
 
 /// How a scene file is read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct LoadOptions {
     /// The format of the file; none: by its extension, or else by its first bytes.
     pub format: Option<Format>,

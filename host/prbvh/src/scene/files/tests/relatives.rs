@@ -354,6 +354,7 @@ fn kinds_of_notes_are_limited() {
     assert!(refused.ends_with("; 37 more") && refused.len() < 400, "{refused}");
 }
 
+#[cfg(feature = "serde")]
 #[test]
 fn notes_are_in_a_report() {
     let scene = load_bytes("a.obj", obj("", ("f 1", "f 1"), "l 1 2\n")).unwrap();
