@@ -3,7 +3,7 @@
 use prbvh::build::check_limits;
 use prbvh::collapse::CollapseSettings;
 use prbvh::device::cpu::CpuDevice;
-use prbvh::device::{self, Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing};
+use prbvh::device::{self, Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing, Traffic};
 use prbvh::optimize::{PrbvhSettings, Strategy};
 use prbvh::pipeline::{Optimizer, PipelineError, Settings, optimize};
 use prbvh::plan::Plan;
@@ -43,6 +43,10 @@ impl Device for Untouchable {
 
     fn memory(&self) -> MemoryUse {
         MemoryUse::default()
+    }
+
+    fn traffic(&self) -> Traffic {
+        Traffic::default()
     }
 }
 
