@@ -18,7 +18,7 @@
   };
   const said = (figure, name, point) => [name, ...figure.columns.map((column, k) => `${column}: ${written(point[k + 2])}`)].join("\n");
 
-  const axis = (scale, gridIndex, margin, nameGap, isLined) => {
+  const axis = (scale, gridIndex, most, margin, nameGap, isLined) => {
     const isNamed = scale.names.length > 0;
     const range = scale.log || !isNamed && scale.title === "" ? { min: scale.min, max: scale.max } : { scale: scale.min !== 0 };
     return {
@@ -32,7 +32,7 @@
       nameLocation: "middle",
       nameGap,
       nameTextStyle: { ...font, fontSize: 13 },
-      axisLabel: { ...font, ...cut(240), margin, hideOverlap: true },
+      axisLabel: { ...font, ...cut(most), margin, hideOverlap: true },
       axisLine: { show: true, lineStyle: { color: INK }, onZero: false },
       splitLine: { show: isLined, lineStyle: { color: GRID } },
     };
@@ -108,8 +108,8 @@
         return { left: left + 8, top: top + above, width: wide - 32, height: high - above - 8, outerBoundsMode: "same", outerBoundsContain: "all" };
       }),
       // Margins: the lowest numbers of both axes would meet in the corner.
-      xAxis: figure.panels.map(({ x }, at) => axis(x, at, 13, 32, true)),
-      yAxis: figure.panels.map(({ x, y }, at) => ({ ...axis(y, at, 8, 46, x.title !== ""), inverse: y.names.length > 0 })),
+      xAxis: figure.panels.map(({ x }, at) => axis(x, at, 100, 13, 32, true)),
+      yAxis: figure.panels.map(({ x, y }, at) => ({ ...axis(y, at, Math.min(240, 0.35 * places[at].wide), 8, 46, x.title !== ""), inverse: y.names.length > 0 })),
       series: all,
       tooltip: {
         trigger: "item",
