@@ -10,6 +10,14 @@ use std::path::{Path, PathBuf};
 const DESK: View = View { width: 1280, height: 900, dark: false };
 const FIGURES: usize = 7;
 const PICTURES: usize = 3;
+const LIBRARY: &str = include_str!("../../host/lab/vendor/echarts/echarts.common.min.js");
+
+/// All is in sight at once. Without a reader the browser draws no frame, and so would see nothing come near.
+const ALL_IN_SIGHT: &str = "<script>IntersectionObserver = class {\
+    constructor(seen) { this.seen = seen; }\
+    observe(target) { this.seen([{ isIntersecting: true, target }]); }\
+    unobserve() {}\
+};</script>";
 
 /// A page with the self-check in it.
 struct Page {
@@ -36,7 +44,7 @@ impl Page {
     fn check(&self, browser: &Browser, view: View, planted: &str) -> Found {
         let copy = self.folder.path().join("copy.html");
         let check = format!("<script>{}</script></body>", include_str!("page/selftest.js"));
-        let html = self.html.replacen("<body>", &format!("<body>{planted}"), 1);
+        let html = self.html.replacen("<body>", &format!("<body>{ALL_IN_SIGHT}{planted}"), 1);
         let at = html.rfind("</body>").unwrap();
         std::fs::write(&copy, format!("{}{check}{}", &html[..at], &html[at + "</body>".len()..])).unwrap();
         let visited = browser.visit(&copy, view);
@@ -53,12 +61,14 @@ impl Page {
     }
 }
 
-/// What a page would load from elsewhere. Nothing may: there is no link to a site in it either.
-fn requests(html: &str) -> Vec<&str> {
+/// What a page would load from elsewhere. Nothing may: there is no link to a site in it either. Of the library of charts the browser tells.
+fn requests(html: &str) -> Vec<String> {
+    let html = html.replace(LIBRARY, "");
     let attribute = |name: &'static str| html.split(name).skip(1).map(|rest| rest.split('"').next().unwrap());
     let elsewhere = |value: &&str| !value.starts_with("data:image/png;base64,");
     let sources = ["src=\"", "srcset=\"", "url(", "@import"].into_iter().flat_map(attribute).filter(elsewhere);
-    sources.chain(attribute("href=\"").filter(|value| value.contains(':') || value.starts_with('/'))).collect()
+    let links = attribute("href=\"").filter(|value| value.contains(':') || value.starts_with('/'));
+    sources.chain(links).map(str::to_owned).collect()
 }
 
 #[test]
@@ -81,7 +91,9 @@ fn ten_scenes_by_twelve_methods_work_in_a_browser() {
         assert!(found.problems.is_empty(), "{:#?}", found.problems);
         let counts = &found.result["counts"];
         assert_eq!(counts["figures"], 10 * FIGURES + 1);
+        assert_eq!(counts["charts"], counts["figures"]);
         assert_eq!(counts["hovered"], counts["figures"]);
+        assert_eq!(counts["tools"], FIGURES + 1);
         assert_eq!(counts["pictures"], 10 * PICTURES);
         assert_eq!(counts["tables"], 21);
         // Every column of every table; that of the overview has ten scenes.
@@ -96,6 +108,8 @@ fn hostile_names_are_only_text() {
     let page = Page::new(&made_up::hostile());
     assert_eq!(requests(&page.html), [""; 0]);
     assert!(!page.html.contains("<script>window.planted") && !page.html.contains("<img src=x"));
+    // Nor does the library end its own element.
+    assert!(page.html.contains(LIBRARY) && !LIBRARY.contains("</script") && !LIBRARY.contains("<!--"));
     for path in &page.paths {
         let name = path.file_name().unwrap().to_str().unwrap();
         assert!(name.bytes().all(|c| c.is_ascii_alphanumeric() || b"-.".contains(&c)), "{name}");
@@ -110,8 +124,8 @@ fn hostile_names_are_only_text() {
     // Names this long leave no room for one another; all else must be right.
     let problems: Vec<_> = found.problems.iter().filter(|problem| !problem.contains("on \\\"")).collect();
     assert!(problems.is_empty(), "{problems:#?}");
-    // The data, the page's own and the check.
-    assert_eq!(found.result["scripts"], 3);
+    // What stands for the reader, the data, the library, the page's own and the check.
+    assert_eq!(found.result["scripts"], 6);
 }
 
 /// Each planted fault must be found, and by the part of the check that is for it.
@@ -123,10 +137,14 @@ fn planted_faults_are_found() {
         ("<script>nothing.here();</script>", "nothing is not defined"),
         ("<script>console.error('quiet');</script>", "quiet"),
         ("<script>window.planted = 1;</script>", "planted code ran"),
-        ("<style>.plot > svg { display: none !important; }</style>", "has no size"),
+        ("<style>.plot > svg { display: none !important; }</style>", "figure overview.svg has no size"),
+        ("<style>.chart svg { display: none !important; }</style>", "chart overview.svg has no size"),
+        ("<style>.plot > svg { display: block !important; }</style>", "the picture is still there"),
+        ("<script>IntersectionObserver = class { observe() {} };</script>", "is not made"),
+        ("<style>@media print { .chart { display: block !important; } }</style>", "is not the picture on paper"),
         ("<style>svg text { font-size: 60px !important; }</style>", "\\\" on \\\""),
         ("<script>addEventListener('click', (e) => e.stopImmediatePropagation(), true);</script>", "aria-sort"),
-        ("<script>addEventListener('pointermove', (e) => e.stopImmediatePropagation(), true);</script>", "no values"),
+        ("<script>addEventListener('mousemove', (e) => e.stopImmediatePropagation(), true);</script>", "no values"),
         (
             "<script>addEventListener('keydown', (e) => e.stopImmediatePropagation(), true);</script>",
             "not the first point",
@@ -142,6 +160,21 @@ fn planted_faults_are_found() {
         requests("<img src=\"https://a.b/c\"><a href=\"http://a.b\"><a href=\"#x\">"),
         ["https://a.b/c", "http://a.b"]
     );
+}
+
+#[test]
+fn charts_are_made_where_the_reader_is() {
+    let Some(browser) = Browser::find() else { return };
+    let page = Page::new(&made_up::comparison(3));
+    // Time for a few frames.
+    let wait = "<script>addEventListener('load', () => setTimeout(() => {}, 3000));</script></body>";
+    let at = page.html.rfind("</body>").unwrap();
+    let copy = page.folder.path().join("copy.html");
+    std::fs::write(&copy, format!("{}{wait}{}", &page.html[..at], &page.html[at + "</body>".len()..])).unwrap();
+    let visited = browser.visit(&copy, DESK);
+    assert_eq!(visited.console, [""; 0]);
+    let made = visited.dom.matches("class=\"plot live\"").count();
+    assert!((1..=FIGURES).contains(&made), "{made}");
 }
 
 #[test]

@@ -12,6 +12,7 @@ mod setup;
 mod shaders;
 mod test;
 mod tidy;
+mod vendored;
 mod vulkan;
 
 use clap::{Parser, Subcommand};

@@ -1,6 +1,6 @@
 //! `cargo xtask tidy`: rules of the house that no other tool knows, as code.
 
-use crate::{circles, repo};
+use crate::{circles, repo, vendored};
 use anyhow::{Context, Result, bail};
 use proc_macro2::{TokenStream, TokenTree};
 use regex::Regex;
@@ -23,10 +23,13 @@ pub(crate) fn run() -> Result<()> {
     let listed = repo::output(&mut git)?.context("git is missing, which lists the files of the project")?;
     let files: Vec<&str> = listed.split('\0').filter(|path| root.join(path).is_file()).collect();
     let mut faults = Vec::new();
+    let mut of_others = Vec::new();
     for &path in &files {
         let bytes = std::fs::read(root.join(path)).with_context(|| format!("cannot read {path}"))?;
-        // Only texts have rules.
-        if let Ok(text) = std::str::from_utf8(&bytes)
+        // Only our texts have rules.
+        if vendored::is_vendored(path) {
+            of_others.push((path, bytes));
+        } else if let Ok(text) = std::str::from_utf8(&bytes)
             && !bytes.contains(&0)
         {
             faults.extend(check(path, text));
@@ -35,6 +38,7 @@ pub(crate) fn run() -> Result<()> {
     let read = |path: &str| std::fs::read_to_string(root.join(path)).with_context(|| format!("cannot read {path}"));
     let sources = files.iter().filter(|path| path.ends_with(".rs")).map(|path| Ok((path.to_string(), read(path)?)));
     faults.extend(circles::faults(&sources.collect::<Result<Vec<_>>>()?));
+    faults.extend(vendored::faults(&of_others));
     if !faults.is_empty() {
         bail!("{} breaches of the rules:\n  {}", faults.len(), faults.join("\n  "));
     }

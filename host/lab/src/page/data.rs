@@ -1,14 +1,14 @@
 //! The data of the page as JSON inside it.
 
-use super::Drawn;
+use super::{Drawn, DrawnFigure};
 use crate::compare::{Comparison, MethodRow, RaySettings, SceneComparison, SceneErrors};
-use crate::page::figures::{Figure, Hover};
+use crate::page::figures::Figure;
 use crate::report::{Machine, Program};
 use prbvh::device::DeviceInfo;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// A comparison without its runs, which may be long: their points are those of the figures.
+/// A comparison without its runs, which may be long: those of their points that are shown are in the figures.
 #[derive(Serialize)]
 struct Data<'a> {
     schema: u32,
@@ -19,7 +19,7 @@ struct Data<'a> {
     rays: Option<RaySettings>,
     scenes: Vec<SceneData<'a>>,
     /// By file.
-    figures: BTreeMap<&'a str, FigureData<'a>>,
+    figures: BTreeMap<&'a str, &'a Figure>,
 }
 
 #[derive(Serialize)]
@@ -29,12 +29,6 @@ struct SceneData<'a> {
     triangles: u32,
     rows: &'a [MethodRow],
     errors: Option<&'a SceneErrors>,
-}
-
-#[derive(Serialize)]
-struct FigureData<'a> {
-    columns: &'a [String],
-    curves: &'a [Hover],
 }
 
 impl<'a> From<&'a SceneComparison> for SceneData<'a> {
@@ -49,19 +43,13 @@ impl<'a> From<&'a SceneComparison> for SceneData<'a> {
     }
 }
 
-impl<'a> From<&'a Figure> for FigureData<'a> {
-    fn from(figure: &'a Figure) -> Self {
-        Self { columns: &figure.columns, curves: &figure.curves }
-    }
-}
-
 /// JSON in which no browser sees a tag.
 pub(super) fn json(
     comparison: &Comparison,
-    overview: Option<(&str, &Figure)>,
+    overview: Option<&DrawnFigure>,
     drawn: &[Drawn],
 ) -> serde_json::Result<String> {
-    let figures = drawn.iter().flat_map(|scene| scene.figures.iter().map(|(file, figure)| (file.as_str(), figure)));
+    let figures = overview.into_iter().chain(drawn.iter().flat_map(|scene| &scene.figures));
     let text = serde_json::to_string(&Data {
         schema: comparison.schema,
         machine: &comparison.machine,
@@ -70,7 +58,7 @@ pub(super) fn json(
         repeat: comparison.repeat,
         rays: comparison.rays,
         scenes: comparison.scenes.iter().map(SceneData::from).collect(),
-        figures: overview.into_iter().chain(figures).map(|(file, figure)| (file, FigureData::from(figure))).collect(),
+        figures: figures.map(|drawn| (drawn.file.as_str(), &drawn.figure)).collect(),
     })?;
     Ok(without_tags(&text))
 }

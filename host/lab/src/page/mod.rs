@@ -1,7 +1,7 @@
 //! `index.html`: a comparison as one page that needs nothing beside it, and its figures and pictures as files.
 //!
-//! `page.html` is the page with places for what `view` says, `page.css` its look. `page.js` only adds sorting and values under the
-//! pointer: everything is there without it.
+//! `page.html` is the page with places for what `view` says, `page.css` its look. `page.js` only adds sorting and `charts.js` the charts
+//! of a library in place of the figures: everything is there without them.
 
 mod columns;
 mod data;
@@ -19,9 +19,16 @@ use prbvh::write::{WriteError, write_atomically};
 use std::io;
 use std::path::{Path, PathBuf};
 
+/// A figure as a file.
+struct DrawnFigure {
+    file: String,
+    figure: Figure,
+    svg: String,
+}
+
 /// A scene with its drawn figures, and the names of its files.
 struct Drawn {
-    figures: Vec<(String, Figure)>,
+    figures: Vec<DrawnFigure>,
     pictures: Vec<String>,
 }
 
@@ -37,7 +44,8 @@ pub fn write(comparison: &Comparison, folder: &Path) -> Result<Vec<PathBuf>, Wri
         doing: "drawing its figures",
         source: io::Error::other(error),
     };
-    let overview = figures::overview(comparison).map_err(failed)?;
+    let overview = figures::overview(comparison);
+    let overview = overview.map(|figure| drawn(names::OVERVIEW.to_owned(), figure)).transpose().map_err(failed)?;
     let scenes = draw(comparison).map_err(failed)?;
 
     let mut paths = vec![page.clone()];
@@ -48,11 +56,11 @@ pub fn write(comparison: &Comparison, folder: &Path) -> Result<Vec<PathBuf>, Wri
         Ok(())
     };
     if let Some(figure) = &overview {
-        file(names::OVERVIEW, figure.svg.as_bytes())?;
+        file(&figure.file, figure.svg.as_bytes())?;
     }
     for (scene, drawn) in comparison.scenes.iter().zip(&scenes) {
-        for (name, figure) in &drawn.figures {
-            file(name, figure.svg.as_bytes())?;
+        for figure in &drawn.figures {
+            file(&figure.file, figure.svg.as_bytes())?;
         }
         for (name, picture) in drawn.pictures.iter().zip(view::pictures(scene)) {
             file(name, &picture.png)?;
@@ -66,13 +74,19 @@ pub fn write(comparison: &Comparison, folder: &Path) -> Result<Vec<PathBuf>, Wri
     Ok(paths)
 }
 
+fn drawn(file: String, figure: Figure) -> Result<DrawnFigure, PlotError> {
+    Ok(DrawnFigure { file, svg: figures::svg(&figure)?, figure })
+}
+
 fn draw(comparison: &Comparison) -> Result<Vec<Drawn>, PlotError> {
     let scene = |(k, scene): (usize, &crate::compare::SceneComparison)| {
         let stem = names::stem(k, &scene.name);
-        let figures = figures::scene_figures(scene)?.into_iter();
+        let figures = figures::scene_figures(scene).into_iter();
         let pictures = view::pictures(scene).enumerate();
         Ok(Drawn {
-            figures: figures.map(|figure| (format!("{stem}-{}.svg", figure.name), figure)).collect(),
+            figures: figures
+                .map(|figure| drawn(format!("{stem}-{}.svg", figure.name), figure))
+                .collect::<Result<_, _>>()?,
             pictures: pictures.map(|(n, picture)| names::picture(&stem, n, &picture.title)).collect(),
         })
     };

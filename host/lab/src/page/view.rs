@@ -3,7 +3,7 @@
 use super::columns::{Better, COLUMNS, Cell, Column};
 use super::errors::ErrorsView;
 use super::plan::{PlanLine, plan_lines};
-use super::{Drawn, data, names};
+use super::{Drawn, DrawnFigure, data, names};
 use crate::compare::{Comparison, MethodRow, Picture, SceneComparison};
 use crate::page::figures::{Figure, Overview, relative_costs};
 use askama::Template;
@@ -18,7 +18,8 @@ use std::io;
 #[template(path = "page.html")]
 pub(super) struct Page<'a> {
     css: &'static str,
-    js: &'static str,
+    library: &'static str,
+    js: [&'static str; 2],
     json: String,
     title: String,
     comparison: &'a Comparison,
@@ -80,22 +81,22 @@ pub(super) fn pictures(scene: &SceneComparison) -> impl Iterator<Item = &Picture
 impl<'a> Page<'a> {
     pub(super) fn new(
         comparison: &'a Comparison,
-        overview: Option<&'a Figure>,
+        overview: Option<&'a DrawnFigure>,
         drawn: &'a [Drawn],
     ) -> io::Result<Self> {
-        let named = overview.map(|figure| (names::OVERVIEW, figure));
         let scenes = comparison.scenes.iter().zip(drawn).enumerate();
         Ok(Self {
             css: include_str!("page.css"),
-            js: include_str!("page.js"),
-            json: data::json(comparison, named, drawn)?,
+            library: include_str!("../../vendor/echarts/echarts.common.min.js"),
+            js: [include_str!("charts.js"), include_str!("page.js")],
+            json: data::json(comparison, overview, drawn)?,
             title: title(comparison),
             comparison,
             memory: format::bytes(comparison.machine.memory_bytes),
             command: command(&comparison.program.command_line),
             devices: comparison.devices.iter().map(device).collect(),
             overview: relative_costs(comparison),
-            overview_figure: named.map(|(file, figure)| figure_view(file, figure)),
+            overview_figure: overview.map(figure_view),
             columns: &COLUMNS,
             scenes: scenes.map(|(k, (scene, drawn))| scene_view(k, scene, drawn)).collect(),
         })
@@ -145,8 +146,12 @@ fn device(device: &DeviceInfo) -> [String; 4] {
     [device.name.clone(), kind.to_owned(), device.driver.clone(), memory]
 }
 
-fn figure_view<'a>(file: &'a str, figure: &'a Figure) -> FigureView<'a> {
-    FigureView { file, figure, svg: figure.svg.find("<svg").map_or("", |start| &figure.svg[start..]) }
+fn figure_view(drawn: &DrawnFigure) -> FigureView<'_> {
+    FigureView {
+        file: &drawn.file,
+        figure: &drawn.figure,
+        svg: drawn.svg.find("<svg").map_or("", |start| &drawn.svg[start..]),
+    }
 }
 
 fn scene_view<'a>(k: usize, scene: &'a SceneComparison, drawn: &'a Drawn) -> SceneView<'a> {
@@ -171,7 +176,7 @@ fn scene_view<'a>(k: usize, scene: &'a SceneComparison, drawn: &'a Drawn) -> Sce
         rows,
         errors: ErrorsView::of(scene),
         plan: plan_lines(scene),
-        figures: drawn.figures.iter().map(|(file, figure)| figure_view(file, figure)).collect(),
+        figures: drawn.figures.iter().map(figure_view).collect(),
         pictures: pictures.collect(),
     }
 }

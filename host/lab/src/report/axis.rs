@@ -36,12 +36,14 @@ impl Axis {
         Self { range: low - 0.16 * span..high + 0.1 * span, log: false }
     }
 
-    /// Whole decades around the positive values, and one more below so that what is clipped there stands apart.
+    /// Whole decades around the positive values; where a value is clipped one more below, so that it stands apart.
     pub(crate) fn log(values: impl Iterator<Item = f64>) -> Self {
-        let range = extremes(values.filter(|&v| v > 0.0)).map_or(NO_VALUES, |(low, high)| {
+        let (positive, others): (Vec<f64>, Vec<f64>) = values.filter(|v| v.is_finite()).partition(|&v| v > 0.0);
+        let range = extremes(positive.into_iter()).map_or(NO_VALUES, |(low, high)| {
             let high = (high.log10() + 0.05).ceil();
-            let low = low.log10().floor().max(high - MOST_DECADES);
-            low - 1.0..high
+            let (lowest, most) = (low.log10().floor(), high - MOST_DECADES);
+            let room = if others.is_empty() && lowest >= most { 0.0 } else { 1.0 };
+            lowest.max(most) - room..high
         });
         Self { range, log: true }
     }
@@ -132,6 +134,8 @@ mod tests {
         assert_eq!(axis.range(), -5.0..0.0);
         assert!(axis.clips(0.0) && axis.clips(1e-9) && !axis.clips(3e-4));
         assert_eq!((axis.place(0.0), axis.place(0.01)), (-5.0, -2.0));
+        assert_eq!(Axis::log([0.5, 3e-4].into_iter()).range(), -4.0..0.0, "nothing to stand apart");
+        assert_eq!(Axis::log([0.5, 3e-9].into_iter()).range(), -8.0..0.0, "the lowest is clipped");
         assert_eq!(
             (axis.label(-4.0), axis.label(-1.0), axis.label(-0.5)),
             ("10⁻⁴".into(), "0.1".into(), String::new())

@@ -1,26 +1,24 @@
 //! The same optimisation from different initial trees, as in Meister & Bittner 2018.
 
-use super::chart::Chart;
-use super::{Figure, runs};
+use super::figure::Figure;
+use super::runs;
 use crate::compare::{OptimizerRun, Purpose, SceneComparison};
-use crate::report::plot::PlotError;
 
-pub(super) fn figure(scene: &SceneComparison) -> Result<Option<Figure>, PlotError> {
+pub(super) fn figure(scene: &SceneComparison) -> Option<Figure> {
     let same = |run: &OptimizerRun| (run.strategy.clone(), run.mu, run.device.clone());
     let runs = runs::counterparts(scene, Purpose::Initial, same, |run| run.initial.clone()).unwrap_or_default();
     let several_mu = runs.windows(2).any(|pair| pair[0].mu != pair[1].mu);
     let names = runs::names(&runs, |run| runs::method(&format!("from {}", run.initial), several_mu.then_some(run.mu)));
-    let chart = Chart {
+    let figure = Figure {
         name: "initial",
-        heading: "PRBVH from different initial trees".to_owned(),
+        title: "PRBVH from different initial trees".to_owned(),
         subject: runs::subject(scene),
         caption:
             "A better initial tree takes longer to build and leaves less to do. The time of the initial tree counts."
                 .to_owned(),
-        note: String::new(),
-        height: 720,
-        columns: &runs::COLUMNS,
-        panels: vec![runs::cost_over_time(&runs, names)],
+        columns: runs::COLUMNS.into(),
+        panels: vec![runs::cost_over_time("", &runs, &names)],
+        ..Figure::default()
     };
-    chart.draw()
+    figure.finished()
 }

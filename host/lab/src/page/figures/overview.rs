@@ -1,13 +1,8 @@
 //! All scenes at a glance: cost of every method relative to LBVH, as the paper's table gives it.
 
-use super::chart::Chart;
-use super::panel::{Curve, Names, Panel, Point};
-use super::style::Style;
-use super::ticks::Tick;
-use super::{Figure, Value, runs};
+use super::figure::{Figure, Fit, Kind, Panel, Point, Series, Value};
+use super::runs;
 use crate::compare::{Comparison, SceneComparison};
-use crate::report::axis::Axis;
-use crate::report::plot::PlotError;
 use prbvh::format;
 
 /// Method of the rows that all are compared with.
@@ -66,53 +61,42 @@ fn reference(scene: &SceneComparison) -> Option<f64> {
 }
 
 /// Cost relative to LBVH, a row of marks per method. None without a cost of LBVH.
-///
-/// # Errors
-/// If the drawing library fails.
-pub fn overview(comparison: &Comparison) -> Result<Option<Figure>, PlotError> {
+#[must_use]
+pub fn overview(comparison: &Comparison) -> Option<Figure> {
     let overview = relative_costs(comparison);
     let methods: Vec<&MethodOverview> = overview.methods.iter().filter(|method| method.mean.is_some()).collect();
-    // The first method is on top.
-    let height_of = |k: usize| (methods.len() - k) as f64;
-    let point = |k: usize, scene: &str, ratio: f64| Point {
-        x: ratio,
-        y: height_of(k),
-        values: vec![Value::Text(methods[k].name.clone()), Value::Text(scene.to_owned()), Value::Number(ratio)],
+    let series = |(column, &scene): (usize, &usize)| {
+        let mut name = comparison.scenes[scene].name.clone();
+        if overview.scenes.iter().any(|&other| other != scene && comparison.scenes[other].name == name) {
+            name = format!("{name}, scene {}", scene + 1);
+        }
+        let point = |(k, method): (usize, &&MethodOverview)| {
+            let ratio = method.ratios[column]?;
+            let values = [Value::Text(method.name.clone()), Value::Text(name.clone()), Value::Number(ratio)];
+            Some(Point::new(ratio, k as f64, values))
+        };
+        let points: Vec<Point> = methods.iter().enumerate().filter_map(point).collect();
+        Series::new(name, Kind::Points, points)
     };
-    let mut curves: Vec<Curve> = Vec::new();
-    for (column, &scene) in overview.scenes.iter().enumerate() {
-        let name = &comparison.scenes[scene].name;
-        let points = methods.iter().enumerate().filter_map(|(k, method)| Some(point(k, name, method.ratios[column]?)));
-        curves.push(Curve { name: name.clone(), style: Style(column), joined: false, points: points.collect() });
-    }
-    let ratios = || curves.iter().flat_map(|curve| &curve.points).map(|point| point.x);
-    let tick = |(k, method): (usize, &&MethodOverview)| Tick {
-        at: height_of(k),
-        text: format!("{}:\u{2002}{:.3}", format::shortened(&method.name, 34), method.mean.unwrap_or(f64::NAN)),
+    let row = |method: &&MethodOverview| {
+        format!("{}:\u{2002}{:.3}", format::shortened(&method.name, 34), method.mean.unwrap_or(f64::NAN))
     };
-    let rows = methods.len() as f64;
-    let panel = Panel {
-        heading: String::new(),
-        x: Axis::around(ratios()),
-        y: Axis::between(0.3, rows + 0.7),
-        x_title: "SAH cost / SAH cost of LBVH (no unit)".to_owned(),
-        y_title: String::new(),
-        x_ticks: None,
-        y_ticks: Some(methods.iter().enumerate().map(tick).collect()),
-        names: Names::Listed,
-        curves,
-    };
-    let chart = Chart {
+    let panel = Panel::new(
+        "",
+        ("SAH cost / SAH cost of LBVH (no unit)", Fit::Around),
+        ("", Fit::Names(methods.iter().map(row).collect())),
+        overview.scenes.iter().enumerate().map(series).collect(),
+    );
+    let figure = Figure {
         name: "overview",
-        heading: "SAH cost relative to LBVH".to_owned(),
+        title: "SAH cost relative to LBVH".to_owned(),
         subject: format!("scenes: {}; the number after a method is its geometric mean", overview.scenes.len()),
         caption: "Every mark is a scene: the cost of the method's tree with one triangle per leaf, divided by that of LBVH. Further left is \
                   better."
             .to_owned(),
-        note: String::new(),
-        height: 250 + (44 * methods.len() as u32).max(32 * overview.scenes.len().min(40) as u32),
-        columns: &["method", "scene", "cost / cost of LBVH"],
+        columns: vec!["method", "scene", "cost / cost of LBVH"],
         panels: vec![panel],
+        ..Figure::default()
     };
-    chart.draw()
+    figure.finished()
 }

@@ -1,10 +1,7 @@
 //! Runs as curves, and what they are called.
 
-use super::Value;
-use super::panel::{Curve, Names, Panel, Point};
-use super::style::Style;
+use super::figure::{Fit, Kind, Panel, Point, Series, Value};
 use crate::compare::{OptimizerRun, Purpose, SceneComparison};
-use crate::report::axis::Axis;
 use prbvh::format;
 use prbvh::optimize::IterationRow;
 
@@ -23,13 +20,16 @@ pub(super) fn method(method: &str, mu: Option<u32>) -> String {
 
 /// Names of runs among one another: what `what` says, and the device where that would be the name of runs of several.
 pub(super) fn names(runs: &[&OptimizerRun], what: impl Fn(&OptimizerRun) -> String) -> Vec<String> {
-    let plain: Vec<String> = runs.iter().map(|run| what(run)).collect();
-    let name = |(run, name): (&&OptimizerRun, &String)| {
-        let mut others = runs.iter().zip(&plain);
-        let twice = others.any(|(other, other_name)| other_name == name && other.device != run.device);
-        if twice { format!("{name}, {}", short_device(&run.device)) } else { name.clone() }
+    told_apart(&runs.iter().map(|run| (what(run), run.device.as_str())).collect::<Vec<_>>())
+}
+
+/// The names; and the device where one name is that of several.
+pub(super) fn told_apart(all: &[(String, &str)]) -> Vec<String> {
+    let name = |(name, device): &(String, &str)| {
+        let twice = all.iter().any(|(other, elsewhere)| other == name && elsewhere != device);
+        if twice { format!("{name}, {}", short_device(device)) } else { name.clone() }
     };
-    runs.iter().zip(&plain).map(name).collect()
+    all.iter().map(name).collect()
 }
 
 /// A device's name without what drivers add to it: `llvmpipe (LLVM 19.1.7, 256 bits)` is `llvmpipe`.
@@ -43,41 +43,35 @@ pub(super) fn seconds(run: &OptimizerRun, row: &IterationRow) -> f64 {
     run.build_s + row.time_s
 }
 
-/// Columns of the points of [`curve`].
+/// Columns of the points of [`cost_over`].
 pub(super) const COLUMNS: [&str; 3] = ["iteration", "time (s)", "SAH cost"];
 
-/// Cost against what `x` says.
-pub(super) fn curve(
-    run: &OptimizerRun,
-    name: String,
-    style: usize,
-    x: impl Fn(&OptimizerRun, &IterationRow) -> f64,
-) -> Curve {
-    let point = |row: &IterationRow| Point {
-        x: x(run, row),
-        y: row.cost,
-        values: vec![Value::Count(row.iteration.into()), Value::Number(seconds(run, row)), Value::Number(row.cost)],
+/// Cost against what `at` says, a series for each run.
+pub(super) fn cost_over(
+    heading: &str,
+    x: (&str, Fit),
+    runs: &[&OptimizerRun],
+    names: &[String],
+    at: fn(&OptimizerRun, &IterationRow) -> f64,
+) -> Panel {
+    let series = |(run, name): (&&OptimizerRun, &String)| {
+        let point = |row: &IterationRow| {
+            let values =
+                [Value::Count(row.iteration.into()), Value::Number(seconds(run, row)), Value::Number(row.cost)];
+            Point::new(at(run, row), row.cost, values)
+        };
+        Series::new(name, Kind::Line, run.rows.iter().map(point))
     };
-    Curve { name, style: Style(style), joined: run.rows.len() > 1, points: run.rows.iter().map(point).collect() }
+    Panel::new(heading, x, ("SAH cost (no unit)", Fit::Around), runs.iter().zip(names).map(series).collect())
 }
 
-/// Cost against the time from triangles, a curve for each run.
-pub(super) fn cost_over_time(runs: &[&OptimizerRun], names: Vec<String>) -> Panel {
-    let curve = |(k, (run, name)): (usize, (&&OptimizerRun, String))| curve(run, name, k, seconds);
-    let curves: Vec<_> = runs.iter().zip(names).enumerate().map(curve).collect();
-    let points = || curves.iter().flat_map(|curve| &curve.points);
-    Panel {
-        heading: String::new(),
-        x: Axis::log_time(points().map(|point| point.x)),
-        y: Axis::around(points().map(|point| point.y)),
-        x_title: "time from triangles (s, logarithmic)".to_owned(),
-        y_title: "SAH cost (no unit)".to_owned(),
-        x_ticks: None,
-        y_ticks: None,
-        names: Names::Beside,
-        curves,
-    }
+/// Cost against the time from triangles, a series for each run.
+pub(super) fn cost_over_time(heading: &str, runs: &[&OptimizerRun], names: &[String]) -> Panel {
+    cost_over(heading, (TIME, Fit::Decades), runs, names, seconds)
 }
+
+/// Title of an axis of times.
+pub(super) const TIME: &str = "time from triangles (s, logarithmic)";
 
 /// The runs of a purpose, and those of other figures that differ from one of them in nothing but `differs`, and add a value of it.
 /// None unless there are two values to compare.

@@ -1,57 +1,54 @@
-//! What tells curves apart, in colour and without: dashes, marks, and colours that keep apart for the colour-blind.
+//! What tells series apart, in colour and without: dashes, marks, and colours that keep apart for the colour-blind.
 
-use std::fmt::Write;
+use serde::Serialize;
 
 /// Dark enough to be read as ink on white (after Okabe & Ito 2008).
 const COLOURS: [&str; 7] = ["#000000", "#0060a0", "#b34a00", "#007a5a", "#8c3d78", "#5a5a5a", "#7a5c00"];
-const DASHES: [&str; 5] = ["", "12 5", "3 5", "14 5 3 5", "7 4"];
-const MARKS: usize = 12;
+/// Lengths of dashes and gaps, pixels; none: solid.
+const DASHES: [&[u32]; 5] = [&[], &[12, 5], &[3, 5], &[14, 5, 3, 5], &[7, 4]];
+/// Outlines of closed marks about (0, 0), pixels: circle, square, triangle, diamond, triangle.
+const CLOSED: [&str; 5] = [
+    "M-7 0a7 7 0 1 0 14 0a7 7 0 1 0 -14 0Z",
+    "M-6.3 -6.3L6.3 -6.3L6.3 6.3L-6.3 6.3Z",
+    "M0 -8L7.7 6L-7.7 6Z",
+    "M0 -9L9 0L0 9L-9 0Z",
+    "M0 8L7.7 -6L-7.7 -6Z",
+];
+const CROSS: &str = "M-7 -7L7 7M-7 7L7 -7";
+const PLUS: &str = "M-8.4 0L8.4 0M0 -8.4L0 8.4";
+const DOT: &str = "M-4 0a4 4 0 1 0 8 0a4 4 0 1 0 -8 0Z";
 
-/// Look of a curve.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Style(pub(super) usize);
+/// Look of a series.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Look {
+    /// Of line, mark and name, as in CSS.
+    pub colour: &'static str,
+    /// Lengths of dashes and gaps of the line, pixels; none: solid.
+    pub dashes: &'static [u32],
+    /// Outline of the mark about (0, 0) as an SVG path, pixels; empty: none.
+    pub mark: &'static str,
+    /// Width of the mark, pixels.
+    pub size: u32,
+    /// Whether the mark is white inside.
+    pub hollow: bool,
+}
 
-impl Style {
-    pub(super) fn colour(self) -> &'static str {
-        COLOURS[self.0 % COLOURS.len()]
-    }
+impl Look {
+    /// A line alone, under marks of other series.
+    pub(super) const LINE: Self = Self { colour: COLOURS[0], dashes: DASHES[0], mark: "", size: 14, hollow: false };
+    /// For points without a name of their own.
+    pub(super) const DOT: Self = Self { colour: COLOURS[5], dashes: DASHES[0], mark: DOT, size: 8, hollow: true };
 
-    /// Pattern of `stroke-dasharray`; empty: solid.
-    pub(super) fn dashes(self) -> &'static str {
-        DASHES[self.0 % DASHES.len()]
-    }
-
-    /// A mark of about `2 r` pixels at (x, y), as an SVG element.
-    pub(super) fn mark(self, out: &mut String, x: f64, y: f64, r: f64) {
-        let d = match self.0 % MARKS {
-            0 | 6 => format!("M{:.1} {y:.1}a{r} {r} 0 1 0 {} 0a{r} {r} 0 1 0 -{} 0Z", x - r, 2.0 * r, 2.0 * r),
-            1 | 7 => {
-                let r = 0.9 * r;
-                polygon(&[(x - r, y - r), (x + r, y - r), (x + r, y + r), (x - r, y + r)])
-            }
-            2 | 8 => polygon(&[(x, y - 1.2 * r), (x + 1.1 * r, y + 0.8 * r), (x - 1.1 * r, y + 0.8 * r)]),
-            3 | 9 => polygon(&[(x, y - 1.3 * r), (x + 1.3 * r, y), (x, y + 1.3 * r), (x - 1.3 * r, y)]),
-            4 | 10 => polygon(&[(x, y + 1.2 * r), (x + 1.1 * r, y - 0.8 * r), (x - 1.1 * r, y - 0.8 * r)]),
-            5 => cross(&[(x - r, y - r, x + r, y + r), (x - r, y + r, x + r, y - r)]),
-            _ => cross(&[(x - 1.2 * r, y, x + 1.2 * r, y), (x, y - 1.2 * r, x, y + 1.2 * r)]),
+    pub(super) fn nth(k: usize) -> Self {
+        // Closed marks, a cross, the closed ones again but hollow, a plus.
+        let at = k % 12;
+        let mark = match at {
+            5 => CROSS,
+            11 => PLUS,
+            _ => CLOSED[at % 6],
         };
-        let colour = self.colour();
-        let fill = if self.0 % MARKS < 5 { colour } else { "#ffffff" };
-        let _ = write!(out, r#"<path d="{d}" fill="{fill}" stroke="{colour}" stroke-width="2"/>"#);
+        Self { colour: COLOURS[k % COLOURS.len()], dashes: DASHES[k % DASHES.len()], mark, size: 14, hollow: at > 5 }
     }
-}
-
-fn polygon(corners: &[(f64, f64)]) -> String {
-    let mut d = String::new();
-    for (k, (x, y)) in corners.iter().enumerate() {
-        let _ = write!(d, "{}{x:.1} {y:.1}", if k == 0 { 'M' } else { 'L' });
-    }
-    d.push('Z');
-    d
-}
-
-fn cross(lines: &[(f64, f64, f64, f64)]) -> String {
-    lines.iter().map(|(x0, y0, x1, y1)| format!("M{x0:.1} {y0:.1}L{x1:.1} {y1:.1}")).collect()
 }
 
 #[cfg(test)]
@@ -59,21 +56,15 @@ mod tests {
     use super::*;
     use std::collections::BTreeSet;
 
-    /// Without colours, and moved to the same place, no two of the first dozen look alike.
     #[test]
     fn a_dozen_marks_differ_without_colour() {
-        let look = |k: usize| {
-            let mut svg = String::new();
-            Style(k).mark(&mut svg, 10.0, 10.0, 5.0);
-            let hollow = svg.contains("#ffffff");
-            (svg.split('"').nth(1).unwrap_or_default().to_owned(), hollow)
-        };
-        assert_eq!((0..12).map(look).collect::<BTreeSet<_>>().len(), 12);
+        let marks = (0..12).map(Look::nth).map(|look| (look.mark, look.hollow));
+        assert_eq!(marks.collect::<BTreeSet<_>>().len(), 12);
     }
 
     #[test]
     fn dashes_and_colours_repeat_together_late() {
-        let looks: BTreeSet<_> = (0..35).map(|k| (Style(k).colour(), Style(k).dashes())).collect();
-        assert_eq!(looks.len(), 35);
+        let looks = (0..35).map(Look::nth).map(|look| (look.colour, look.dashes));
+        assert_eq!(looks.collect::<BTreeSet<_>>().len(), 35);
     }
 }
