@@ -106,6 +106,14 @@ pub struct DeviceInfo {
     pub busy_invocations: u32,
 }
 
+impl DeviceInfo {
+    /// Workgroups that keep the device busy: a thread of a CPU takes one at a time.
+    pub(crate) fn busy_workgroups(&self) -> u32 {
+        let one = if self.kind == DeviceKind::Cpu { 1 } else { prbvh_kernel::grid::WORKGROUP_SIZE };
+        self.busy_invocations.div_ceil(one).max(1)
+    }
+}
+
 /// Kind of device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
