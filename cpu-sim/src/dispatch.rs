@@ -55,6 +55,21 @@ impl Dispatcher for Executor {
             (Order::Ascending | Order::Parallel, _) => (0..count).for_each(invocation),
         }
     }
+
+    /// Where speed counts: a thread takes a workgroup at a time.
+    fn is_alone(&self) -> bool {
+        self.order == Order::Parallel
+    }
+
+    fn for_each_lane(&self, count: u32, turn: u64, lane: impl Fn(u32)) {
+        match self.order {
+            Order::Descending => (0..count).rev().for_each(lane),
+            Order::Shuffled(seed) => {
+                shuffled(count, seed ^ turn.wrapping_mul(0x2545_f491_4f6c_dd1d)).into_iter().for_each(lane);
+            }
+            Order::Ascending | Order::Parallel => (0..count).for_each(lane),
+        }
+    }
 }
 
 /// The numbers below `count` in a random order (Fisher–Yates, splitmix64).

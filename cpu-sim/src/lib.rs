@@ -6,6 +6,8 @@
 
 mod arena;
 mod dispatch;
+#[cfg(test)]
+mod workgroup_tests;
 
 pub use arena::{AllocationRefused, BufferId, OWN_PAGES, Pages};
 pub use dispatch::Order;

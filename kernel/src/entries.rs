@@ -1,7 +1,8 @@
 //! The table of kernels: each row makes a SPIR-V entry point, its [`KernelInfo`](crate::KernelInfo) and its native entry.
 //!
 //! A row names the kernel (variant of [`Kernel`] and SPIR-V entry point), its push constants, its buffers in the order of their
-//! bindings with what it may do to them (see [`crate::mem`]), and the function that one invocation runs. A `#[cfg]` on a row leaves the kernel out.
+//! bindings with what it may do to them (see [`crate::mem`]), and the function that one invocation runs; with `shared` memory, the number of its words, and the
+//! function that a workgroup runs (see [`crate::workgroup`]). A `#[cfg]` on a row leaves the kernel out.
 
 use crate::aabb::Aabb;
 #[cfg(feature = "atrbvh")]
@@ -15,7 +16,7 @@ use crate::lbvh::{self, HierarchyParams, LeavesParams};
 use crate::mem::{AtomicU32, AtomicU64, Slot};
 use crate::morton::{self, MortonParams};
 use crate::node::{AtomicNode, Node, WideNode};
-use crate::ploc::merge::{self, MarkParams};
+use crate::ploc::merge::{self, MergeParams};
 use crate::ploc::nearest::{NearestParams, nearest};
 use crate::ploc::{self, Cluster, ClustersParams, Progress};
 use crate::prbvh::check::{check, check_words};
@@ -27,7 +28,7 @@ use crate::prbvh::{Move, PrbvhParams, paths, reinsert::reinsert};
 use crate::ray::{Hit, Ray};
 use crate::refit::{RefitParams, refit};
 use crate::setup::{self, BoundsParams, BoxesParams, Triangle};
-use crate::sort::{self, GatherParams, ScanParams, SortParams};
+use crate::sort::{self, GatherParams, SortParams};
 use crate::trace::counts::{self, CountParams, RayCounts};
 use crate::trace::path::{
     self, CameraParams, FilmParams, GatherParams as LightParams, Light, Path, Pixel, ShadeParams, Surface,
@@ -46,7 +47,7 @@ kernels! {
     SetupBounds setup_bounds(params: BoundsParams) [
         0 boxes: &[Aabb],
         1 united: &[Slot<Aabb>],
-    ] => |i| setup::bounds(i, params, boxes, united);
+    ] shared words: setup::BOUNDS_WORDS => |w| setup::bounds(w, params, boxes, united, words);
 
     Morton30 morton_30(params: MortonParams) [
         0 boxes: &[Aabb],
@@ -64,29 +65,23 @@ kernels! {
     SortCount sort_count(params: SortParams) [
         0 keys: &[u32],
         1 table: &[Slot<u32>],
-    ] => |i| sort::count(i, params, keys, table);
+    ] shared words: sort::COUNT_WORDS => |w| sort::count(w, params, keys, table, words);
 
-    ScanSums scan_sums(params: ScanParams) [
-        0 words: &[u32],
-        1 sums: &[Slot<u32>],
-    ] => |i| sort::scan_sums(i, params, words, sums);
-
-    ScanSpine scan_spine(params: ScanParams) [
-        0 sums: &[Slot<u32>],
-    ] => |_i| sort::scan_spine(params, sums);
-
-    ScanApply scan_apply(params: ScanParams) [
-        0 sums: &[u32],
-        1 words: &[Slot<u32>],
-    ] => |i| sort::scan_apply(i, params, sums, words);
+    SortRows sort_rows(params: SortParams) [
+        0 table: &[Slot<u32>],
+        1 totals: &[Slot<u32>],
+    ] shared words: sort::ROWS_WORDS => |w| sort::rows(w, params, table, totals, words);
 
     SortScatter sort_scatter(params: SortParams) [
         0 keys: &[u32],
         1 values: &[u32],
         2 table: &[u32],
-        3 sorted_keys: &[Slot<u32>],
-        4 sorted_values: &[Slot<u32>],
-    ] => |i| sort::scatter(i, params, keys, values, table, sorted_keys, sorted_values);
+        3 totals: &[u32],
+        4 sorted_keys: &[Slot<u32>],
+        5 sorted_values: &[Slot<u32>],
+    ] shared words: sort::SCATTER_WORDS => |w| {
+        sort::scatter(w, params, keys, values, table, totals, sorted_keys, sorted_values, words);
+    };
 
     SortGather sort_gather(params: GatherParams) [
         0 order: &[u32],
@@ -119,21 +114,27 @@ kernels! {
         2 neighbours: &[Slot<u32>],
     ] => |i| nearest(i, params, clusters, progress, neighbours);
 
-    PlocMark ploc_mark(params: MarkParams) [
+    PlocMark ploc_mark(params: MergeParams) [
         0 neighbours: &[u32],
         1 progress: &[Progress],
         2 marks: &[Slot<u32>],
-    ] => |i| merge::mark(i, neighbours, progress, marks);
+        3 gone: &[Slot<u32>],
+    ] shared words: merge::MARK_WORDS => |w| merge::mark(w, params, neighbours, progress, marks, gone, words);
 
-    PlocMerge ploc_merge(params: ClustersParams) [
+    PlocMerge ploc_merge(params: MergeParams) [
         0 neighbours: &[u32],
         1 marks: &[u32],
-        2 clusters: &[Cluster],
-        3 progress: &[Progress],
-        4 nodes: &[AtomicNode],
-        5 next_clusters: &[Slot<Cluster>],
-        6 next_progress: &[Slot<Progress>],
-    ] => |i| merge::merge(i, params, neighbours, marks, clusters, progress, nodes, next_clusters, next_progress);
+        2 gone: &[u32],
+        3 clusters: &[Cluster],
+        4 progress: &[Progress],
+        5 nodes: &[AtomicNode],
+        6 next_clusters: &[Slot<Cluster>],
+        7 next_progress: &[Slot<Progress>],
+    ] shared words: merge::MERGE_WORDS => |w| {
+        merge::merge(
+            w, params, neighbours, marks, gone, clusters, progress, nodes, next_clusters, next_progress, words,
+        );
+    };
 
     #[cfg(feature = "atrbvh")]
     AtrbvhLevels atrbvh_levels(params: LevelsParams) [
@@ -162,7 +163,7 @@ kernels! {
         1 arrivals: &[u32],
         2 partial: &[Slot<f32>],
         3 report: &[AtomicU32],
-    ] => |i| cost::cost(i, params, nodes, arrivals, partial, report);
+    ] shared words: cost::COST_WORDS => |w| cost::cost(w, params, nodes, arrivals, partial, report, words);
 
     PrbvhSearch prbvh_search(params: PrbvhParams) [
         0 nodes: &[WideNode], 1 found: &[Slot<Move>], 2 books: &[AtomicU32], 3 report: &[AtomicU32],

@@ -6,24 +6,13 @@ macro_rules! kernels {
         $(#[$cfg:meta])*
         $variant:ident $name:ident($params:ident: $params_type:ty) [
             $($binding:tt $buffer:ident: $view:ty),+ $(,)?
-        ] => |$i:ident| $body:expr;
+        ] $(shared $shared:ident: $words:expr)? => |$i:ident| $body:expr;
     )+) => {
         $(
-            $(#[$cfg])*
-            #[doc = concat!("SPIR-V entry point of [`Kernel::", stringify!($variant), "`].")]
-            #[spirv(compute(threads(64)))]
-            #[inline(always)]
-            #[allow(clippy::too_many_arguments, reason = "an entry has a parameter for each buffer")]
-            pub fn $name(
-                #[spirv(global_invocation_id)] id: UVec3,
-                #[spirv(num_workgroups)] workgroups: UVec3,
-                #[spirv(push_constant)] $params: &$params_type,
-                $(#[spirv(storage_buffer, descriptor_set = 0, binding = $binding)] $buffer: $view),+
-            ) {
-                let $i = grid::linear_id(id, workgroups);
-                if $i < $params.count {
-                    $body;
-                }
+            crate::entry::spirv_entry! {
+                $(#[$cfg])*
+                #[doc = concat!("SPIR-V entry point of [`Kernel::", stringify!($variant), "`].")]
+                $name($params: $params_type) [$($binding $buffer: $view),+] ($($shared: $words)?) |$i| $body
             }
         )+
 
@@ -58,6 +47,7 @@ macro_rules! kernels {
                                 access: <$view as View<'static>>::ACCESS,
                                 element_bytes: <$view as View<'static>>::ELEMENT_BYTES,
                             }),+],
+                            shared_bytes: 0 $(+ 4 * $words)?,
                         },
                     )+
                 }
@@ -86,8 +76,11 @@ macro_rules! kernels {
                     #[cfg(feature = "atrbvh")]
                     Self::AtrbvhRestructure => 1,
                     // Chunks.
-                    Self::SetupBounds | Self::Cost | Self::SortCount | Self::SortScatter | Self::WorstCount | Self::WorstSelect => 16,
-                    Self::ScanSums | Self::ScanApply => 4,
+                    Self::WorstCount | Self::WorstSelect => 16,
+                    // Workgroups.
+                    Self::SetupBounds => 2,
+                    Self::Cost | Self::SortCount | Self::SortScatter | Self::PlocMark | Self::PlocMerge => 4,
+                    Self::SortRows => 64,
                     // Walks and climbs.
                     Self::Refit | Self::PrbvhRefit | Self::PrbvhMark | Self::WorstRefit | Self::WorstMark | Self::WorstUnfold => 32,
                     Self::Trace32 | Self::Trace64 | Self::Trace128 | Self::TraceDeep => 16,
@@ -95,7 +88,7 @@ macro_rules! kernels {
                 }
             }
 
-            /// Runs the entry natively for each of `count` invocations, in the order of the dispatcher.
+            /// Runs the entry natively for each of `count` invocations, or for the workgroups that hold them, in the order of the dispatcher.
             ///
             /// # Panics
             /// If `push` or `buffers` are not what [`Kernel::info`] says, or if an invocation goes out of bounds.
@@ -111,16 +104,16 @@ macro_rules! kernels {
                 assert_eq!(buffers.len(), info.bindings.len(), "buffers of {}", info.name);
                 let mut buffers = buffers.into_iter();
                 let mut next = move || buffers.next().expect("as many buffers as bindings");
-                let workgroups = UVec3::from_array(grid::workgroups(count));
                 match self {
                     $(
                         $(#[$cfg])*
                         Self::$variant => {
                             let $params: &$params_type = &bytemuck::pod_read_unaligned(push);
                             $(let $buffer = <$view as View<'_>>::bind(next());)+
-                            dispatcher.for_each(count, self.grain(), |i| {
-                                $name(UVec3::new(i, 0, 0), workgroups, $params, $($buffer),+);
-                            });
+                            crate::entry::native_entry! {
+                                dispatcher, count, self.grain();
+                                $name($params) [$($buffer),+] ($($shared: $words)?) |$i| $body
+                            }
                         }
                     )+
                 }
@@ -129,4 +122,85 @@ macro_rules! kernels {
     };
 }
 
+/// The SPIR-V entry point of a row. Without shared memory the body is that of one invocation, with it that of a workgroup.
+macro_rules! spirv_entry {
+    (
+        $(#[$attribute:meta])*
+        $name:ident($params:ident: $params_type:ty) [$($binding:tt $buffer:ident: $view:ty),+] () |$i:ident| $body:expr
+    ) => {
+        $(#[$attribute])*
+        #[spirv(compute(threads(64)))]
+        #[inline(always)]
+        #[allow(clippy::too_many_arguments, reason = "an entry has a parameter for each buffer")]
+        pub fn $name(
+            #[spirv(global_invocation_id)] id: UVec3,
+            #[spirv(num_workgroups)] workgroups: UVec3,
+            #[spirv(push_constant)] $params: &$params_type,
+            $(#[spirv(storage_buffer, descriptor_set = 0, binding = $binding)] $buffer: $view),+
+        ) {
+            let $i = grid::linear_id(id, workgroups);
+            if $i < $params.count {
+                $body;
+            }
+        }
+    };
+    (
+        $(#[$attribute:meta])*
+        $name:ident($params:ident: $params_type:ty) [$($binding:tt $buffer:ident: $view:ty),+]
+        ($shared:ident: $words:expr) |$w:ident| $body:expr
+    ) => {
+        $(#[$attribute])*
+        #[cfg(target_arch = "spirv")]
+        #[spirv(compute(threads(64)))]
+        #[allow(clippy::too_many_arguments, reason = "an entry has a parameter for each buffer")]
+        pub fn $name(
+            #[spirv(workgroup_id)] id: UVec3,
+            #[spirv(num_workgroups)] workgroups: UVec3,
+            #[spirv(local_invocation_index)] lane: u32,
+            #[spirv(push_constant)] $params: &$params_type,
+            $(#[spirv(storage_buffer, descriptor_set = 0, binding = $binding)] $buffer: $view,)+
+            #[spirv(workgroup)] $shared: &mut [crate::mem::SharedU32; $words],
+        ) {
+            let group = grid::linear_group(id, workgroups);
+            // The same for the whole group: all come to each barrier, or none.
+            if group < $params.count.div_ceil(grid::WORKGROUP_SIZE) {
+                let $w = &crate::workgroup::OnDevice { group, lane };
+                let $shared = &*$shared;
+                $body;
+            }
+        }
+    };
+}
+
+/// Runs a row natively.
+#[cfg(not(target_arch = "spirv"))]
+macro_rules! native_entry {
+    ($dispatcher:expr, $count:expr, $grain:expr; $name:ident($params:ident) [$($buffer:ident),+] () |$i:ident| $body:expr) => {
+        let workgroups = UVec3::from_array(grid::workgroups($count));
+        $dispatcher.for_each($count, $grain, |i| $name(UVec3::new(i, 0, 0), workgroups, $params, $($buffer),+));
+    };
+    (
+        $dispatcher:expr, $count:expr, $grain:expr;
+        $name:ident($params:ident) [$($buffer:ident),+] ($shared:ident: $words:expr) |$w:ident| $body:expr
+    ) => {
+        let groups = crate::math::umin($count, $params.count).div_ceil(grid::WORKGROUP_SIZE);
+        if $dispatcher.is_alone() {
+            $dispatcher.for_each(groups, $grain, |group| {
+                let $w = &crate::native::Alone { group };
+                let $shared = &$w.memory::<{ $words }>();
+                $body;
+            });
+        } else {
+            $dispatcher.for_each(groups, $grain, |group| {
+                let $w = &crate::native::Lanes::new($dispatcher, group);
+                let $shared = &$w.memory::<{ $words }>();
+                $body;
+            });
+        }
+    };
+}
+
 pub(crate) use kernels;
+#[cfg(not(target_arch = "spirv"))]
+pub(crate) use native_entry;
+pub(crate) use spirv_entry;

@@ -14,6 +14,18 @@ pub fn linear_id(id: UVec3, workgroups: UVec3) -> u32 {
     id.x + id.y * (workgroups.x * WORKGROUP_SIZE)
 }
 
+/// Number of the workgroup in a grid of one or two dimensions.
+#[inline(always)]
+pub fn linear_group(id: UVec3, workgroups: UVec3) -> u32 {
+    id.x + id.y * workgroups.x
+}
+
+/// Invocations of so many workgroups.
+#[must_use]
+pub const fn invocations(groups: u32) -> u32 {
+    groups * WORKGROUP_SIZE
+}
+
 /// Workgroups `[x, y, z]` that hold at least `count` invocations.
 #[must_use]
 pub fn workgroups(count: u32) -> [u32; 3] {

@@ -8,10 +8,10 @@
 //! |---|---|---|
 //! | [`setup`] | `setup_boxes`, `setup_bounds` | triangles → reference boxes → scene box |
 //! | [`morton`] | `morton_30`, `morton_60` | boxes → Morton codes |
-//! | [`sort`] | `sort_count`, `scan_*`, `sort_scatter`, `sort_gather` | codes → order of the references |
+//! | [`sort`] | `sort_count`, `sort_rows`, `sort_scatter`, `sort_gather` | codes → order of the references |
 //! | [`lbvh`] | `lbvh_leaves`, `lbvh_hierarchy` | sorted codes → links of the tree |
-//! | [`ploc`] | `ploc_clusters`, `ploc_nearest`, `ploc_mark`, `scan_*`, `ploc_merge` | order of the references → tree |
-//! | `atrbvh` | `atrbvh_levels`, `sort_*`, `scan_*`, `atrbvh_restructure` | tree → tree with better treelets |
+//! | [`ploc`] | `ploc_clusters`, `ploc_nearest`, `ploc_mark`, `ploc_merge` | order of the references → tree |
+//! | `atrbvh` | `atrbvh_levels`, `sort_*`, `atrbvh_restructure` | tree → tree with better treelets |
 //! | [`refit`] | `refit` | leaf boxes → all boxes |
 //! | [`cost`] | `cost` | boxes → partial sums of half surface areas |
 //! | [`prbvh`] | `prbvh_search`, `prbvh_lock`, `prbvh_check`, `prbvh_reinsert`, `prbvh_mark`, `prbvh_refit` | tree → better tree, as published |
@@ -51,6 +51,7 @@ pub mod sort;
 pub mod status;
 pub mod sum;
 pub mod trace;
+pub mod workgroup;
 
 #[cfg(not(target_arch = "spirv"))]
 pub mod native;

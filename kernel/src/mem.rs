@@ -7,13 +7,16 @@
 //! | `&[T]` | nobody writes it |
 //! | `&[Slot<T>]` | element `k` is touched by one invocation only |
 //! | `&[AtomicU32]`, `&[AtomicU64]`, and structs of them ([`AtomicWords`]) | anybody may touch it |
+//! | `&[SharedU32; N]` | memory of one workgroup: what an invocation stores in a phase, others read in later phases only ([`crate::workgroup`]) |
 //!
-//! Natively all of them are relaxed atomics, so a broken contract is a wrong answer that a test can find, never undefined
-//! behaviour. On the GPU atomics have `QueueFamily` scope (`Device` needs one more feature), and a [`Slot`] is a plain
+//! Natively all of them are relaxed atomics (a workgroup is run by one thread, so that its memory is plain cells), and a broken contract is a wrong
+//! answer that a test can find, never undefined behaviour. On the GPU atomics have `QueueFamily` scope (`Device` needs one more feature), and a [`Slot`] is a plain
 //! private access: what one invocation hands to another within a dispatch must go through atomics.
 #![allow(unsafe_code, reason = "views of buffers that many invocations write; each block states its reason")]
 
 use bytemuck::Pod;
+#[cfg(not(target_arch = "spirv"))]
+use core::cell::Cell;
 use core::cell::UnsafeCell;
 
 #[cfg(not(target_arch = "spirv"))]
@@ -22,6 +25,9 @@ use core::sync::atomic::{self, Ordering};
 /// `Scope::QueueFamily`.
 #[cfg(target_arch = "spirv")]
 const SCOPE: u32 = 5;
+/// `Scope::Workgroup`.
+#[cfg(target_arch = "spirv")]
+const WORKGROUP: u32 = 2;
 /// Relaxed: `MemorySemantics::NONE`.
 #[cfg(target_arch = "spirv")]
 const RELAXED: u32 = 0;
@@ -163,6 +169,99 @@ impl AtomicU32 {
     }
 
     /// Relaxed store of a float's bits.
+    #[inline(always)]
+    pub fn store_f32(&self, value: f32) {
+        self.store(value.to_bits());
+    }
+}
+
+/// A word of the memory that a workgroup shares. Nothing is known of it before it is stored.
+#[repr(transparent)]
+pub struct SharedU32(#[cfg(target_arch = "spirv")] UnsafeCell<u32>, #[cfg(not(target_arch = "spirv"))] Cell<u32>);
+
+// SAFETY: every access below is atomic.
+#[cfg(target_arch = "spirv")]
+unsafe impl Sync for SharedU32 {}
+
+#[cfg(target_arch = "spirv")]
+impl SharedU32 {
+    /// Reads the word.
+    #[inline(always)]
+    pub fn load(&self) -> u32 {
+        // SAFETY: an atomic access to a live word of the workgroup.
+        unsafe { spirv_std::arch::atomic_load::<u32, WORKGROUP, RELAXED>(&*self.0.get()) }
+    }
+
+    /// Writes the word.
+    #[inline(always)]
+    pub fn store(&self, value: u32) {
+        // SAFETY: an atomic access to a live word of the workgroup.
+        unsafe {
+            spirv_std::arch::atomic_store::<u32, WORKGROUP, RELAXED>(&mut *self.0.get(), value);
+        }
+    }
+
+    /// Adds to the word. Several invocations may in one phase.
+    #[inline(always)]
+    pub fn add(&self, value: u32) {
+        // SAFETY: an atomic access to a live word of the workgroup.
+        unsafe {
+            spirv_std::arch::atomic_i_add::<u32, WORKGROUP, RELAXED>(&mut *self.0.get(), value);
+        }
+    }
+
+    /// Sets bits of the word. Several invocations may in one phase.
+    #[inline(always)]
+    pub fn or(&self, bits: u32) {
+        // SAFETY: an atomic access to a live word of the workgroup.
+        unsafe {
+            spirv_std::arch::atomic_or::<u32, WORKGROUP, RELAXED>(&mut *self.0.get(), bits);
+        }
+    }
+}
+
+#[cfg(not(target_arch = "spirv"))]
+impl SharedU32 {
+    /// A word of a workgroup that begins.
+    #[inline(always)]
+    #[must_use]
+    pub const fn new(value: u32) -> Self {
+        Self(Cell::new(value))
+    }
+
+    /// Reads the word.
+    #[inline(always)]
+    pub fn load(&self) -> u32 {
+        self.0.get()
+    }
+
+    /// Writes the word.
+    #[inline(always)]
+    pub fn store(&self, value: u32) {
+        self.0.set(value);
+    }
+
+    /// Adds to the word. Several invocations may in one phase.
+    #[inline(always)]
+    pub fn add(&self, value: u32) {
+        self.0.set(self.0.get().wrapping_add(value));
+    }
+
+    /// Sets bits of the word. Several invocations may in one phase.
+    #[inline(always)]
+    pub fn or(&self, bits: u32) {
+        self.0.set(self.0.get() | bits);
+    }
+}
+
+impl SharedU32 {
+    /// Reads a float stored by [`SharedU32::store_f32`].
+    #[inline(always)]
+    pub fn load_f32(&self) -> f32 {
+        f32::from_bits(self.load())
+    }
+
+    /// Writes a float's bits.
     #[inline(always)]
     pub fn store_f32(&self, value: f32) {
         self.store(value.to_bits());

@@ -1,8 +1,11 @@
 //! What the host and the CPU device need to know of a kernel, and how native entries get their views of memory.
 
-use crate::mem::{self, AtomicU32, AtomicU64, Slot};
+use crate::grid::WORKGROUP_SIZE;
+use crate::mem::{self, AtomicU32, AtomicU64, SharedU32, Slot};
 use crate::node::{AtomicNode, Node};
+use crate::workgroup::Workgroup;
 use bytemuck::Pod;
+use core::cell::Cell;
 
 /// What a kernel does to a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +36,8 @@ pub struct KernelInfo {
     pub push_bytes: usize,
     /// Its buffers.
     pub bindings: &'static [BindingInfo],
+    /// Bytes of memory that a workgroup shares; 0 where invocations know nothing of their workgroup.
+    pub shared_bytes: usize,
 }
 
 /// Memory handed to a native entry.
@@ -45,9 +50,81 @@ pub enum Bytes<'a> {
 }
 
 /// Runs the invocations of a dispatch in some order.
-pub trait Dispatcher {
+pub trait Dispatcher: Sync {
     /// Calls `invocation` once for each number below `count`, of which `grain` are worth a thread.
     fn for_each(&self, count: u32, grain: u32, invocation: impl Fn(u32) + Sync + Send);
+
+    /// Whether one lane does the work of a whole workgroup, as [`Alone`].
+    fn is_alone(&self) -> bool;
+
+    /// Calls `lane` once for each number below `count`, on this thread. `turn` tells the phases of a dispatch apart.
+    fn for_each_lane(&self, count: u32, turn: u64, lane: impl Fn(u32));
+}
+
+/// A workgroup of one lane: nobody to wait for.
+#[derive(Debug)]
+pub struct Alone {
+    /// Number of the group.
+    pub group: u32,
+}
+
+impl Alone {
+    /// Shared memory of a group that begins.
+    #[must_use]
+    pub const fn memory<const N: usize>(&self) -> [SharedU32; N] {
+        [const { SharedU32::new(0xa5a5_a5a5) }; N]
+    }
+}
+
+impl Workgroup for Alone {
+    const LANES: u32 = 1;
+
+    #[inline(always)]
+    fn group(&self) -> u32 {
+        self.group
+    }
+
+    #[inline(always)]
+    fn phase(&self, lane: impl Fn(u32)) {
+        lane(0);
+    }
+}
+
+/// A workgroup with all its lanes, which run on one thread, phase by phase, in an order of the dispatcher.
+#[derive(Debug)]
+pub struct Lanes<'a, D> {
+    dispatcher: &'a D,
+    group: u32,
+    phases: Cell<u32>,
+}
+
+impl<'a, D> Lanes<'a, D> {
+    /// A group that begins.
+    #[must_use]
+    pub const fn new(dispatcher: &'a D, group: u32) -> Self {
+        Self { dispatcher, group, phases: Cell::new(0) }
+    }
+
+    /// Shared memory of a group that begins: other words than those of [`Alone`], since nobody may rely on them.
+    #[must_use]
+    pub const fn memory<const N: usize>(&self) -> [SharedU32; N] {
+        [const { SharedU32::new(0xdead_beef) }; N]
+    }
+}
+
+impl<D: Dispatcher> Workgroup for Lanes<'_, D> {
+    const LANES: u32 = WORKGROUP_SIZE;
+
+    fn group(&self) -> u32 {
+        self.group
+    }
+
+    fn phase(&self, lane: impl Fn(u32)) {
+        let phase = self.phases.get();
+        self.phases.set(phase + 1);
+        let turn = u64::from(self.group) << 32 | u64::from(phase);
+        self.dispatcher.for_each_lane(WORKGROUP_SIZE, turn, lane);
+    }
 }
 
 /// A parameter type of an entry.

@@ -7,7 +7,7 @@ use prbvh::optimize::{CurrentTree, IterationRow, Order, PrbvhSettings, RbvhSetti
 use prbvh::pipeline::{Optimizer, Settings};
 use prbvh::scene::{SafeRange, built_in};
 use prbvh_kernel::Kernel;
-use prbvh_kernel::cost::CostParams;
+use prbvh_kernel::cost::{COST_CHUNK, CostParams};
 use prbvh_kernel::prbvh::Move;
 use prbvh_kernel::status::{FOUND, PREDICTED};
 use prbvh_lab::accuracy::{AccuracyReport, AccuracyRow, BreachKind, F32_COST_BOUND, NumericsCheck};
@@ -107,12 +107,12 @@ fn kinds(kinds: &[BreachKind]) -> BTreeSet<String> {
 /// The kernel's partial sums of areas, times `1 + part`; not where it is asked for the root alone.
 fn corrupt_areas(part: f32) -> [BTreeSet<String>; 3] {
     red_if(Kernel::Cost, move |dispatch, device| {
-        if dispatch.count == 1 {
+        let params: CostParams = bytemuck::pod_read_unaligned(&dispatch.push);
+        if params.nodes == 1 {
             return Ok(());
         }
-        let params: CostParams = bytemuck::pod_read_unaligned(&dispatch.push);
         change(device, &dispatch.buffers[2], |partial: &mut [f32]| {
-            let sums = &mut partial[params.to as usize..][..dispatch.count as usize];
+            let sums = &mut partial[params.to as usize..][..params.nodes.div_ceil(COST_CHUNK) as usize];
             sums.iter_mut().for_each(|sum| *sum *= 1.0 + part);
         })
     })

@@ -5,13 +5,13 @@ use prbvh::bvh::{Bvh, file, quality, tree_hash, validate};
 use prbvh::device::Device;
 use prbvh::pipeline::{Initial, Optimized, Settings, optimize};
 use prbvh::scene::{Scene, built_in};
-use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::node::Node;
-use prbvh_kernel::ploc::merge::MarkParams;
+use prbvh_kernel::ploc::merge::{MOST_GROUPS, MergeParams};
 use prbvh_kernel::ploc::nearest::NearestParams;
 use prbvh_kernel::ploc::{Cluster, ClustersParams, Progress};
 use prbvh_kernel::setup::Triangle;
+use prbvh_kernel::{Kernel, grid};
 use prbvh_tests::compare::Case;
 use prbvh_tests::devices::with_devices;
 use prbvh_tests::fixtures::{Random, inputs, nested, soup, working};
@@ -112,34 +112,98 @@ fn a_slow_round_pairs_the_list() {
     assert_ne!(run(3), paired);
 }
 
+/// A round over chunks of `chunk` clusters.
+fn merge_params(clusters: u32, chunk: u32) -> MergeParams {
+    let chunks = clusters.div_ceil(chunk);
+    MergeParams { count: grid::invocations(chunks), chunk, chunks }
+}
+
 #[test]
 fn ploc_marks_the_right_ones_of_pairs() {
     // 0 ↔ 2, 3 ↔ 4; 1 and 5 wish for somebody who wishes otherwise; 7 and 8 are no clusters.
     let neighbours = [2u32, 2, 0, 4, 3, 4, 5, 8, 7];
-    let case = Case::new(Kernel::PlocMark, 9, &MarkParams { count: 9 }).with(&neighbours);
-    let marks = case.with(&[progress(7, 7)]).zeros(9).run_everywhere().get::<u32>("marks");
-    assert_eq!(marks, [0, 0, 1, 0, 1, 0, 0, 0, 0]);
+    let run = |chunk| {
+        let params = merge_params(9, chunk);
+        let case = Case::new(Kernel::PlocMark, params.count, &params).with(&neighbours).with(&[progress(7, 7)]);
+        let result = case.with(&[9; 9]).zeros(params.chunks as usize).run_everywhere();
+        (result.get::<u32>("marks"), result.get::<u32>("gone"))
+    };
+    assert_eq!(run(9), (vec![0, 0, 0, 1, 1, 2, 2, 9, 9], vec![2]));
+    assert_eq!(run(3), (vec![0, 0, 0, 0, 0, 1, 0, 9, 9], vec![1, 1, 0]));
+    assert_eq!(run(1), (vec![0, 0, 0, 0, 0, 0, 0, 9, 9], vec![0, 0, 1, 0, 1, 0, 0, 0, 0]));
 }
 
 #[test]
 fn ploc_merge_makes_nodes_and_closes_the_gaps() {
     let boxes = boxes_of(&soup(7, 0.3, 6));
     let neighbours = [2u32, 2, 0, 4, 3, 4, 5];
-    let scanned = [0u32, 0, 0, 1, 1, 2, 2, 2];
     let clusters: Vec<Cluster> = (6..).zip(&boxes).map(|(node, &aabb)| Cluster { aabb, node }).collect();
-    let case = Case::new(Kernel::PlocMerge, 7, &ClustersParams { count: 7 }).with(&neighbours).with(&scanned);
-    let case = case.with(&clusters).with(&[progress(7, 7)]).zeros(13).zeros(7).zeros(1);
-    let result = case.run_everywhere();
-    let nodes = result.get::<Node>("nodes");
-    // Seven clusters need nodes 0 to 5: the two new ones are 5 and 4.
-    assert_eq!((nodes[5].down, nodes[6].up, nodes[8].up), (6, 8, 5 | 1 << 31));
-    assert_eq!((nodes[4].down, nodes[9].up, nodes[10].up), (9, 10, 4 | 1 << 31));
-    assert_eq!(nodes[5].aabb(), boxes[0].union(boxes[2]));
-    let next = result.get::<Cluster>("next_clusters");
-    assert_eq!(next.iter().map(|cluster| cluster.node).collect::<Vec<_>>(), [5, 7, 4, 11, 12, 0, 0]);
-    assert_eq!(next[2].aabb, boxes[3].union(boxes[4]));
-    let done = Progress { clusters: 5, merged: 2, rounds: 1, paired_rounds: 0 };
-    assert_eq!(result.get::<Progress>("next_progress"), [done]);
+    for (chunk, marks, gone) in [
+        (7, [0u32, 0, 0, 1, 1, 2, 2], &[2u32][..]),
+        (2, [0, 0, 0, 1, 0, 1, 0], &[0, 1, 1, 0]),
+        (1, [0; 7], &[0, 0, 1, 0, 1, 0, 0]),
+    ] {
+        let params = merge_params(7, chunk);
+        let case = Case::new(Kernel::PlocMerge, params.count, &params).with(&neighbours).with(&marks).with(gone);
+        let result = case.with(&clusters).with(&[progress(7, 7)]).zeros(13).zeros(7).zeros(1).run_everywhere();
+        let nodes = result.get::<Node>("nodes");
+        // Seven clusters need nodes 0 to 5: the two new ones are 5 and 4.
+        assert_eq!((nodes[5].down, nodes[6].up, nodes[8].up), (6, 8, 5 | 1 << 31));
+        assert_eq!((nodes[4].down, nodes[9].up, nodes[10].up), (9, 10, 4 | 1 << 31));
+        assert_eq!(nodes[5].aabb(), boxes[0].union(boxes[2]));
+        let next = result.get::<Cluster>("next_clusters");
+        assert_eq!(next.iter().map(|cluster| cluster.node).collect::<Vec<_>>(), [5, 7, 4, 11, 12, 0, 0]);
+        assert_eq!(next[2].aabb, boxes[3].union(boxes[4]));
+        let done = Progress { clusters: 5, merged: 2, rounds: 1, paired_rounds: 0 };
+        assert_eq!(result.get::<Progress>("next_progress"), [done]);
+    }
+}
+
+/// Two rounds' kernels over as many chunks as a round may have, and one cluster more than fits them without a remainder.
+#[test]
+fn ploc_marks_and_merges_many_chunks() {
+    let mut random = Random(21);
+    for (c, chunk) in [(65u32, 64), (MOST_GROUPS, 1), (2 * MOST_GROUPS - 1, 2), (100_001, 99)] {
+        // Pairs of neighbours here and there.
+        let mut neighbours: Vec<u32> = (0..c).map(|i| if i > 0 { i - 1 } else { 1 }).collect();
+        let mut right = vec![0u32; c as usize];
+        for i in (0..c - 1).step_by(2).filter(|_| random.bits() % 3 > 0) {
+            neighbours[i as usize] = i + 1;
+            right[i as usize + 1] = 1;
+        }
+        neighbours[0] = 1;
+        right[1] = 1;
+        let params = merge_params(c, chunk);
+        let case =
+            Case::new(Kernel::PlocMark, params.count, &params).with(&neighbours).with(&[progress(c as usize, c)]);
+        let marked = case.zeros(c as usize).zeros(params.chunks as usize).run_everywhere();
+        let (marks, gone) = (marked.get::<u32>("marks"), marked.get::<u32>("gone"));
+        for (k, chunk) in right.chunks(chunk as usize).enumerate() {
+            assert_eq!(gone[k], chunk.iter().sum::<u32>());
+            for (i, mark) in marks.chunks(params.chunk as usize).nth(k).unwrap().iter().enumerate() {
+                assert_eq!(*mark, chunk[..i].iter().sum::<u32>());
+            }
+        }
+        let clusters: Vec<Cluster> =
+            (0..c).map(|i| Cluster { aabb: Aabb { min: [0.0; 3], max: [i as f32; 3] }, node: c - 1 + i }).collect();
+        let case = Case::new(Kernel::PlocMerge, params.count, &params).with(&neighbours).with(&marks).with(&gone);
+        let case =
+            case.with(&clusters).with(&[progress(c as usize, c)]).zeros(2 * c as usize - 1).zeros(c as usize).zeros(1);
+        let result = case.run_everywhere();
+        let merged: u32 = right.iter().sum();
+        let next = result.get::<Cluster>("next_clusters");
+        let mut before = 0;
+        for i in 0..c as usize {
+            if right[i] == 1 {
+                before += 1;
+                continue;
+            }
+            let is_left = right.get(i + 1) == Some(&1);
+            let node = if is_left { c - 2 - before } else { c - 1 + i as u32 };
+            assert_eq!(next[i - before as usize].node, node, "cluster {i} of {c}");
+        }
+        assert_eq!(result.get::<Progress>("next_progress")[0].clusters, c - merged);
+    }
 }
 
 /// PLOC one cluster after the other, over the leaves of `nodes`.

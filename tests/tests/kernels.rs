@@ -1,18 +1,30 @@
 //! Every kernel against a naive oracle, on every device, in every order.
 
-use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
-use prbvh_kernel::cost::{COST_CHUNK, CostParams};
+use prbvh_kernel::cost::{COST_CHUNK, CostParams, NO_REFIT};
 use prbvh_kernel::lbvh::{HierarchyParams, LeavesParams};
 use prbvh_kernel::morton::MortonParams;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::refit::RefitParams;
 use prbvh_kernel::setup::{BOUNDS_CHUNK, BoundsParams, BoxesParams, Triangle};
-use prbvh_kernel::sort::{DIGITS, GatherParams, SCAN_CHUNK, ScanParams, SortParams};
+use prbvh_kernel::sort::{DIGITS, GatherParams, SortParams};
 use prbvh_kernel::status::{FAULT_BROKEN_TREE, FAULTS, REPORT_WORDS};
+use prbvh_kernel::{Kernel, grid};
 use prbvh_tests::compare::Case;
 use prbvh_tests::fixtures::{Random, soup};
-use prbvh_tests::oracle::{NaiveTree, half_area, radix_tree_leaf_sets, random_tree};
+use prbvh_tests::numerics::f32_sum::chunk_sum;
+use prbvh_tests::oracle::{NaiveTree, radix_tree_leaf_sets, random_tree};
+
+/// Numbers of items around those of lanes, of steps and of chunks, none among them.
+fn sizes(chunk: u32) -> impl Iterator<Item = u32> {
+    let around = |n: u32| n - 1..=n + 1;
+    [0].into_iter()
+        .chain(around(1).skip(1))
+        .chain(around(64))
+        .chain(around(128))
+        .chain(around(chunk))
+        .chain([5 * chunk + 77])
+}
 
 fn boxes_of(triangles: &[Triangle]) -> Vec<Aabb> {
     triangles.iter().map(Triangle::aabb).collect()
@@ -34,15 +46,16 @@ fn setup_boxes_is_the_box_of_the_corners() {
 
 #[test]
 fn setup_bounds_unites_each_chunk() {
-    let boxes = boxes_of(&soup(1000, 0.3, 2));
-    let count = 1000u32.div_ceil(BOUNDS_CHUNK);
-    let params = BoundsParams { count, boxes: 1000 };
-    let result = Case::new(Kernel::SetupBounds, count, &params).with(&boxes).zeros(count as usize).run_everywhere();
-    let expected: Vec<Aabb> = boxes
-        .chunks(BOUNDS_CHUNK as usize)
-        .map(|chunk| chunk.iter().fold(Aabb::EMPTY, |sum, aabb| sum.union(*aabb)))
-        .collect();
-    assert_eq!(result.get::<Aabb>("united"), expected);
+    for n in sizes(BOUNDS_CHUNK) {
+        let boxes = boxes_of(&soup(n.max(1) as usize, 0.3, 2));
+        let groups = n.div_ceil(BOUNDS_CHUNK);
+        let params = BoundsParams { count: grid::invocations(groups), boxes: n };
+        let case = Case::new(Kernel::SetupBounds, params.count, &params).with(&boxes).zeros(groups.max(1) as usize);
+        let expected = boxes[..n as usize].chunks(BOUNDS_CHUNK as usize);
+        let expected: Vec<Aabb> =
+            expected.map(|chunk| chunk.iter().fold(Aabb::EMPTY, |sum, aabb| sum.union(*aabb))).collect();
+        assert_eq!(case.run_everywhere().get::<Aabb>("united")[..groups as usize], expected, "{n} boxes");
+    }
 }
 
 /// Interleaves bit by bit.
@@ -84,63 +97,98 @@ fn morton_codes_interleave_the_cells() {
     }
 }
 
+/// A pass of a sort, kernel by kernel.
+struct Pass {
+    params: SortParams,
+    keys: Vec<u32>,
+}
+
+impl Pass {
+    fn new(keys: Vec<u32>, chunk: u32, shift: u32) -> Self {
+        let pairs = keys.len() as u32;
+        let chunks = pairs.div_ceil(chunk);
+        Self { params: SortParams { count: grid::invocations(chunks), pairs, chunk, chunks, shift }, keys }
+    }
+
+    fn digit(&self, key: u32) -> usize {
+        (key >> self.params.shift) as usize % DIGITS
+    }
+
+    fn count(&self) -> Vec<u32> {
+        let case = Case::new(Kernel::SortCount, self.params.count, &self.params).with(&self.keys);
+        case.zeros(self.params.chunks as usize * DIGITS).run_everywhere().get("table")
+    }
+
+    fn rows(&self, table: &[u32]) -> (Vec<u32>, Vec<u32>) {
+        let params = SortParams { count: grid::invocations(DIGITS as u32), ..self.params };
+        let case = Case::new(Kernel::SortRows, params.count, &params).with(table).zeros(DIGITS);
+        let result = case.run_everywhere();
+        (result.get("table"), result.get("totals"))
+    }
+
+    fn scatter(&self, table: &[u32], totals: &[u32]) -> Vec<(u32, u32)> {
+        let values: Vec<u32> = (0..self.params.pairs).collect();
+        let case = Case::new(Kernel::SortScatter, self.params.count, &self.params).with(&self.keys).with(&values);
+        let case = case.with(table).with(totals).zeros(values.len()).zeros(values.len());
+        let result = case.run_everywhere();
+        result.get("sorted_keys").into_iter().zip(result.get("sorted_values")).collect()
+    }
+}
+
+fn random_keys(length: u32, mask: u32) -> Vec<u32> {
+    let mut random = Random(4);
+    (0..length).map(|_| random.bits() as u32 & mask).collect()
+}
+
 #[test]
 fn sort_count_counts_the_digits_of_each_chunk() {
-    let mut random = Random(4);
-    let keys: Vec<u32> = (0..1000).map(|_| random.bits() as u32).collect();
-    let params = SortParams { count: 4, pairs: 1000, chunk: 300, shift: 8 };
-    let table = Case::new(Kernel::SortCount, 4, &params).with(&keys).zeros(4 * DIGITS).run_everywhere();
-    let table = table.get::<u32>("table");
-    for digit in 0..DIGITS {
-        for (chunk, keys) in keys.chunks(300).enumerate() {
-            let expected = keys.iter().filter(|&&key| (key >> 8) as usize % DIGITS == digit).count();
-            assert_eq!(table[digit * 4 + chunk] as usize, expected);
+    for (length, chunk) in [(1, 64), (1000, 300), (1025, 512), (100_000, 7777)] {
+        let pass = Pass::new(random_keys(length, u32::MAX), chunk, 8);
+        let table = pass.count();
+        let chunks = pass.params.chunks as usize;
+        for digit in 0..DIGITS {
+            for (column, keys) in pass.keys.chunks(chunk as usize).enumerate() {
+                let expected = keys.iter().filter(|&&key| pass.digit(key) == digit).count();
+                assert_eq!(table[digit * chunks + column] as usize, expected);
+            }
         }
     }
 }
 
 #[test]
-fn sort_scatter_is_one_pass_of_a_stable_sort() {
-    let mut random = Random(5);
-    let keys: Vec<u32> = (0..1000).map(|_| random.bits() as u32).collect();
-    let values: Vec<u32> = (0..1000).collect();
-    let params = SortParams { count: 4, pairs: 1000, chunk: 300, shift: 24 };
-    let counted = Case::new(Kernel::SortCount, 4, &params).with(&keys).zeros(4 * DIGITS).run_everywhere();
-    let table: Vec<u32> = counted
-        .get::<u32>("table")
-        .into_iter()
-        .scan(0, |sum, count| {
-            *sum += count;
-            Some(*sum - count)
-        })
-        .collect();
-    let case = Case::new(Kernel::SortScatter, 4, &params).with(&keys).with(&values).with(&table);
-    let result = case.zeros(1000).zeros(1000).run_everywhere();
-    let mut expected: Vec<(u32, u32)> = keys.into_iter().zip(values).collect();
-    expected.sort_by_key(|(key, _)| key >> 24);
-    assert_eq!(result.get::<u32>("sorted_keys"), expected.iter().map(|pair| pair.0).collect::<Vec<_>>());
-    assert_eq!(result.get::<u32>("sorted_values"), expected.iter().map(|pair| pair.1).collect::<Vec<_>>());
+fn sort_rows_makes_an_exclusive_scan_of_each_row() {
+    for chunks in [1, 2, 63, 64, 65, 127, 128, 129, 500, 4096] {
+        let pass = Pass::new(vec![0; chunks], 1, 0);
+        let table = random_keys((DIGITS * chunks) as u32, u32::MAX);
+        let (scanned, totals) = pass.rows(&table);
+        for (d, row) in table.chunks(chunks).enumerate() {
+            let mut sum = 0u32;
+            for (k, count) in row.iter().enumerate() {
+                assert_eq!(scanned[d * chunks + k], sum, "row {d}, word {k} of {chunks}");
+                sum = sum.wrapping_add(*count);
+            }
+            assert_eq!(totals[d], sum, "row {d}");
+        }
+    }
 }
 
+/// Keys of all digits, of few, of one; chunks that end in the middle of a step.
 #[test]
-fn the_three_scan_kernels_make_an_exclusive_scan() {
-    let mut random = Random(6);
-    let words: Vec<u32> = (0..2000).map(|_| random.bits() as u32).collect();
-    let chunks = 2000u32.div_ceil(SCAN_CHUNK);
-    let params = ScanParams { count: chunks, words: 2000 };
-    let sums = Case::new(Kernel::ScanSums, chunks, &params).with(&words).zeros(chunks as usize).run_everywhere();
-    let spine = ScanParams { count: 1, words: chunks };
-    let spine = Case::new(Kernel::ScanSpine, 1, &spine).with(&sums.get::<u32>("sums")).run_everywhere();
-    let case = Case::new(Kernel::ScanApply, chunks, &params).with(&spine.get::<u32>("sums")).with(&words);
-    let expected: Vec<u32> = words
-        .iter()
-        .scan(0u32, |sum, &word| {
-            let before = *sum;
-            *sum = sum.wrapping_add(word);
-            Some(before)
-        })
-        .collect();
-    assert_eq!(case.run_everywhere().get::<u32>("words"), expected);
+fn a_pass_is_one_of_a_stable_sort() {
+    for length in [1, 2, 63, 64, 65, 127, 128, 129, 255, 256, 257, 1000, 4095, 4097, 100_000] {
+        for (mask, chunk, shift) in
+            [(u32::MAX, 512, 24), (0x0300, 77, 8), (0, 200, 0), (u32::MAX, 1 << 18, 30), (0xff, 64, 4)]
+        {
+            if length > 5000 && chunk < 200 {
+                continue;
+            }
+            let pass = Pass::new(random_keys(length, mask), chunk, shift);
+            let (table, totals) = pass.rows(&pass.count());
+            let mut expected: Vec<(u32, u32)> = pass.keys.iter().copied().zip(0..).collect();
+            expected.sort_by_key(|(key, _)| pass.digit(*key));
+            assert!(pass.scatter(&table, &totals) == expected, "{length} keys of {mask:#x}, chunks of {chunk}");
+        }
+    }
 }
 
 #[test]
@@ -217,28 +265,38 @@ fn refit_unites_the_children_everywhere() {
     }
 }
 
+/// What a device adds up, and in which shape, to the bit.
 #[test]
-fn cost_adds_up_chunks_and_reports_broken_trees() {
-    let n = 2000u32;
-    let tree = random_tree(&boxes_of(&soup(n as usize, 0.1, 10)), 1);
-    let count = (n - 1).div_ceil(COST_CHUNK);
-    let params = CostParams { count, first: 0, nodes: n - 1, internal: n - 1, to: 0, arrived: 2 };
-    let case = |arrivals: &[u32]| {
-        Case::new(Kernel::Cost, count, &params)
-            .with(&tree.encode())
-            .with(arrivals)
-            .zeros(count as usize)
-            .zeros(REPORT_WORDS as usize)
-            .run_everywhere()
-    };
-    let mut arrivals = vec![2u32; n as usize - 1];
-    let result = case(&arrivals);
-    let expected = tree.boxes[..n as usize - 1].chunks(COST_CHUNK as usize);
-    for (partial, chunk) in result.get::<f32>("partial").into_iter().zip(expected) {
-        let expected: f64 = chunk.iter().map(half_area).sum();
-        assert!((f64::from(partial) / expected - 1.0).abs() < 1e-5, "{partial} is not {expected}");
+fn cost_adds_up_chunks() {
+    for n in sizes(COST_CHUNK).filter(|&n| n > 0) {
+        let tree = random_tree(&boxes_of(&soup(n as usize, 0.1, 10)), 1);
+        let areas: Vec<f32> = tree.boxes.iter().map(|aabb| aabb.half_area()).collect();
+        for (first, nodes) in [(0, n - 1), (n - 1, n), (0, 1), (n / 2, n)] {
+            let groups = nodes.div_ceil(COST_CHUNK);
+            let count = grid::invocations(groups);
+            let params = CostParams { count, first, nodes, internal: n - 1, to: 3, arrived: NO_REFIT };
+            let case = Case::new(Kernel::Cost, count, &params).with(&tree.encode()).with(&[7]);
+            let result = case.zeros(groups as usize + 4).zeros(REPORT_WORDS as usize).run_everywhere();
+            let chunks = areas[first as usize..][..nodes as usize].chunks(COST_CHUNK as usize);
+            let expected: Vec<f32> = [0.0; 3].into_iter().chain(chunks.map(chunk_sum)).chain([0.0]).collect();
+            assert_eq!(result.get::<f32>("partial"), expected, "{nodes} of {n} from {first} on");
+            assert_eq!(result.get::<u32>("report")[FAULTS], 0);
+        }
     }
-    assert_eq!(result.get::<u32>("report")[FAULTS], 0);
-    arrivals[1234] = 1;
-    assert_eq!(case(&arrivals).get::<u32>("report")[FAULTS], FAULT_BROKEN_TREE);
+}
+
+#[test]
+fn cost_reports_broken_trees() {
+    let n = 3000u32;
+    let tree = random_tree(&boxes_of(&soup(n as usize, 0.1, 10)), 1);
+    let groups = (n - 1).div_ceil(COST_CHUNK);
+    let count = grid::invocations(groups);
+    let params = CostParams { count, first: 0, nodes: n - 1, internal: n - 1, to: 0, arrived: 2 };
+    for (broken, faults) in [(None, 0), (Some(1234), FAULT_BROKEN_TREE), (Some(n as usize - 2), FAULT_BROKEN_TREE)] {
+        let mut arrivals = vec![2u32; n as usize - 1];
+        broken.into_iter().for_each(|v: usize| arrivals[v] = 1);
+        let case = Case::new(Kernel::Cost, count, &params).with(&tree.encode()).with(&arrivals);
+        let result = case.zeros(groups as usize).zeros(REPORT_WORDS as usize).run_everywhere();
+        assert_eq!(result.get::<u32>("report")[FAULTS], faults);
+    }
 }

@@ -1,7 +1,7 @@
 //! PLOC: clusters in Morton order merge with their nearest neighbours, bottom-up, until one is left.
 //!
-//! Source: Meister & Bittner 2017, §3. Each round is `ploc_nearest` (map), `ploc_mark` (map), an exclusive scan of the marks
-//! ([`crate::sort`]) and `ploc_merge` (scatter), which also closes the gaps and so keeps the order.
+//! Source: Meister & Bittner 2017, §3. Each round is `ploc_nearest` (map), `ploc_mark` (workgroups), which counts the clusters that go,
+//! and `ploc_merge` (workgroups), which also closes the gaps and so keeps the order.
 //!
 //! # Differences from the paper
 //! *Ties.* The distance of two clusters is the area of their union; equal distances are told apart by `i ^ j` of their places in the list.
@@ -59,11 +59,11 @@ impl Progress {
     }
 }
 
-/// Push constants of [`clusters`] and [`merge::merge`].
+/// Push constants of [`clusters`].
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct ClustersParams {
-    /// Invocations: one per cluster, or more.
+    /// Invocations: one per cluster.
     pub count: u32,
 }
 

@@ -22,9 +22,24 @@ pub fn errors(triangles: usize) -> SumErrors {
     let areas: Vec<f32> = nodes[..nodes.len() / 2].iter().map(|node| node.aabb().half_area()).collect();
     let exact: f64 = areas.iter().copied().map(f64::from).sum();
     let running: f32 = areas.iter().sum();
-    let chunked: f64 = areas.chunks(COST_CHUNK as usize).map(|chunk| f64::from(chunk.iter().sum::<f32>())).sum();
+    let chunked: f64 = areas.chunks(COST_CHUNK as usize).map(|chunk| f64::from(chunk_sum(chunk))).sum();
     let error = |sum: f64| (sum / exact - 1.0).abs();
     SumErrors { running: error(f64::from(running)), chunked: error(chunked) }
+}
+
+/// The sum of a chunk of areas as a device makes it: a binary tree over [`COST_CHUNK`] terms, of which those at the end may be 0.
+///
+/// # Panics
+/// If there are more.
+#[must_use]
+pub fn chunk_sum(areas: &[f32]) -> f32 {
+    assert!(areas.len() <= COST_CHUNK as usize, "a chunk has {COST_CHUNK} areas, not {}", areas.len());
+    let mut sums = areas.to_vec();
+    sums.resize(COST_CHUNK as usize, 0.0);
+    while sums.len() > 1 {
+        sums = sums.chunks(2).map(|pair| pair[0] + pair[1]).collect();
+    }
+    sums[0]
 }
 
 /// A row per size.

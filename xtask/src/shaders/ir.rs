@@ -92,6 +92,17 @@ impl<'a> Index<'a> {
         }
     }
 
+    /// Bytes of an array of scalars in the memory of a workgroup, where types have no decorations.
+    pub(super) fn shared_bytes(&self, array: &Instruction) -> Option<u32> {
+        match (array.class.opcode, array.operands.as_slice()) {
+            (Op::TypeArray, [Operand::IdRef(element), Operand::IdRef(length)]) => {
+                let &Operand::LiteralBit32(length) = self.definition(*length)?.operands.first()? else { return None };
+                Some(self.size(*element)? * length)
+            }
+            _ => None,
+        }
+    }
+
     /// Which of the capabilities for 64-bit integers the module needs.
     pub(super) fn needs(&self, capability: Capability) -> bool {
         let is_64 = |inst: &Instruction| {

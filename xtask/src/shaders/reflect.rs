@@ -6,8 +6,8 @@ use anyhow::Result;
 use prbvh_kernel::{Access, Kernel, KernelInfo, grid};
 use rspirv::dr::{Instruction, Operand};
 use rspirv::spirv::{
-    AddressingModel, BuiltIn, Capability, Decoration, ExecutionMode, ExecutionModel, MemoryModel, Op, StorageClass,
-    Word,
+    AddressingModel, BuiltIn, Capability, Decoration, ExecutionMode, ExecutionModel, MemoryModel, MemorySemantics, Op,
+    Scope, StorageClass, Word,
 };
 use std::collections::BTreeMap;
 
@@ -41,6 +41,7 @@ fn compare(module: &[u8], info: &KernelInfo) -> Result<Vec<String>> {
     entry(&index, info, &mut faults);
     capabilities(&index, &mut faults);
     variables(&index, info, &mut faults);
+    barriers(&index, info, &mut faults);
     let bare = exact::bare_arithmetic(&module).len();
     if bare > 0 {
         faults.push(format!("{bare} float operations without NoContraction"));
@@ -80,9 +81,40 @@ fn capabilities(index: &Index<'_>, faults: &mut Vec<String>) {
     }
 }
 
+/// What a kernel may ask of its place in the dispatch: an invocation its own number, a workgroup the group's and the lane's.
+const fn inputs(info: &KernelInfo) -> &'static [BuiltIn] {
+    if info.shared_bytes == 0 {
+        &[BuiltIn::GlobalInvocationId, BuiltIn::NumWorkgroups]
+    } else {
+        &[BuiltIn::WorkgroupId, BuiltIn::LocalInvocationIndex, BuiltIn::NumWorkgroups]
+    }
+}
+
+/// Barriers of a workgroup belong to shared memory: without it nobody waits, and with it nothing else keeps phases apart.
+fn barriers(index: &Index<'_>, info: &KernelInfo, faults: &mut Vec<String>) {
+    let barriers: Vec<_> =
+        index.module.all_inst_iter().filter(|inst| inst.class.opcode == Op::ControlBarrier).collect();
+    if barriers.is_empty() != (info.shared_bytes == 0) {
+        faults.push(format!("{} barriers with {} bytes of shared memory", barriers.len(), info.shared_bytes));
+    }
+    let semantics = MemorySemantics::ACQUIRE_RELEASE | MemorySemantics::WORKGROUP_MEMORY;
+    let wanted = [Scope::Workgroup as u32, Scope::Workgroup as u32, semantics.bits()].map(Some);
+    for barrier in barriers {
+        let constant = |operand: &Operand| {
+            let id = operand.id_ref_any()?;
+            if let Operand::LiteralBit32(value) = index.definition(id)?.operands.first()? { Some(*value) } else { None }
+        };
+        let found: Vec<_> = barrier.operands.iter().map(constant).collect();
+        if found != wanted {
+            faults.push(format!("a barrier has scopes and semantics {found:?}, not {wanted:?}"));
+        }
+    }
+}
+
 fn variables(index: &Index<'_>, info: &KernelInfo, faults: &mut Vec<String>) {
     let mut buffers = BTreeMap::new();
     let mut push = Vec::new();
+    let mut shared = Vec::new();
     for (id, class, memory) in index.variables() {
         match class {
             StorageClass::StorageBuffer => {
@@ -95,11 +127,12 @@ fn variables(index: &Index<'_>, info: &KernelInfo, faults: &mut Vec<String>) {
             StorageClass::PushConstant => push.push(memory.result_id.and_then(|memory| index.size(memory))),
             StorageClass::Input => {
                 let built_in = index.decoration(id, Decoration::BuiltIn);
-                let known = [BuiltIn::GlobalInvocationId, BuiltIn::NumWorkgroups].map(|name| [Operand::BuiltIn(name)]);
+                let known = inputs(info).iter().map(|&name| [Operand::BuiltIn(name)]).collect::<Vec<_>>();
                 if !known.iter().any(|known| built_in == Some(known)) {
                     faults.push(format!("input {built_in:?} is not allowed"));
                 }
             }
+            StorageClass::Workgroup => shared.push(index.shared_bytes(memory)),
             StorageClass::Private => {}
             other => faults.push(format!("{other:?} memory is not allowed")),
         }
@@ -107,6 +140,10 @@ fn variables(index: &Index<'_>, info: &KernelInfo, faults: &mut Vec<String>) {
     let bytes: Vec<usize> = push.iter().map(|size| size.map_or(0, |size| size as usize)).collect();
     if bytes != [info.push_bytes] {
         faults.push(format!("push constants are not one block of {} bytes, but {bytes:?}", info.push_bytes));
+    }
+    let bytes: Vec<usize> = shared.iter().map(|size| size.map_or(0, |size| size as usize)).collect();
+    if bytes != if info.shared_bytes == 0 { vec![] } else { vec![info.shared_bytes] } {
+        faults.push(format!("shared memory is not one array of {} bytes, but {bytes:?}", info.shared_bytes));
     }
     for (binding, wanted) in (0..).zip(info.bindings) {
         let what = format!("binding {binding} ({})", wanted.name);
@@ -156,7 +193,7 @@ mod tests {
     use super::*;
     use rspirv::dr::Module;
 
-    /// A kernel with atomics, floats, read-only buffers and written ones.
+    /// A kernel with atomics, floats, read-only buffers and written ones, and of a workgroup.
     const KERNEL: Kernel = Kernel::Cost;
 
     fn with_fault(plant: impl FnOnce(&mut Module)) -> Vec<String> {
@@ -292,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn workgroup_memory_and_wrong_push_constants() {
+    fn a_second_array_of_the_workgroup_and_wrong_push_constants() {
         let faults = with_fault(|module| {
             let values = &mut module.types_global_values;
             let push = Operand::StorageClass(StorageClass::PushConstant);
@@ -301,7 +338,60 @@ mod tests {
         });
         let bytes = KERNEL.info().push_bytes;
         let none = format!("push constants are not one block of {bytes} bytes, but []");
-        assert_eq!(faults, ["Workgroup memory is not allowed", none.as_str()]);
+        let shared = KERNEL.info().shared_bytes;
+        let two = format!("shared memory is not one array of {shared} bytes, but ");
+        assert_eq!(faults.len(), 2, "{faults:?}");
+        assert!(faults[0] == none && faults[1].starts_with(&two), "{faults:?}");
+    }
+
+    #[test]
+    fn shared_memory_of_another_size() {
+        let words = (KERNEL.info().shared_bytes / 4) as u32;
+        let faults = with_fault(|module| {
+            let length = Operand::LiteralBit32(words);
+            let values = &mut module.types_global_values;
+            let constant =
+                values.iter_mut().find(|inst| inst.class.opcode == Op::Constant && inst.operands[0] == length);
+            constant.unwrap().operands[0] = Operand::LiteralBit32(words + 1);
+        });
+        let (bytes, more) = (4 * words, 4 * words + 4);
+        assert_eq!(faults, [format!("shared memory is not one array of {bytes} bytes, but [{more}]")]);
+    }
+
+    #[test]
+    fn a_workgroup_that_the_table_does_not_know() {
+        let info = KernelInfo { shared_bytes: 0, ..*KERNEL.info() };
+        let faults = compare(&committed(info.name), &info).unwrap();
+        for start in ["input Some([BuiltIn(WorkgroupId)])", "shared memory is not one array of 0 bytes", "3 barriers"] {
+            assert!(faults.iter().any(|fault| fault.starts_with(start)), "{start}: {faults:?}");
+        }
+        let map = Kernel::SetupBoxes.info();
+        let faults = compare(&committed(map.name), &KernelInfo { shared_bytes: 64, ..*map }).unwrap();
+        for start in ["input Some([BuiltIn(GlobalInvocationId)])", "shared memory is not one array of 64", "0 barriers"]
+        {
+            assert!(faults.iter().any(|fault| fault.starts_with(start)), "{start}: {faults:?}");
+        }
+    }
+
+    fn barriers_with(change: impl Fn(&mut Instruction)) -> Vec<String> {
+        with_fault(|module| {
+            let blocks = module.functions.iter_mut().flat_map(|function| &mut function.blocks);
+            blocks.flat_map(|block| &mut block.instructions).for_each(|inst| {
+                if inst.class.opcode == Op::ControlBarrier {
+                    change(inst);
+                }
+            });
+        })
+    }
+
+    #[test]
+    fn barriers_that_are_none() {
+        let faults = barriers_with(|inst| *inst = Instruction::new(Op::Nop, None, None, Vec::new()));
+        assert_eq!(faults, [format!("0 barriers with {} bytes of shared memory", KERNEL.info().shared_bytes)]);
+        let faults = barriers_with(|inst| inst.operands[2] = inst.operands[0].clone());
+        assert_eq!(faults.len(), 3, "{faults:?}");
+        let scopes = "a barrier has scopes and semantics [Some(2), Some(2), Some(2)]";
+        assert!(faults.iter().all(|fault| fault.starts_with(scopes)), "{faults:?}");
     }
 
     #[test]

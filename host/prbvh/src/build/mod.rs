@@ -9,7 +9,6 @@ mod from_file;
 mod lbvh;
 mod order;
 mod ploc;
-mod scan;
 mod sort;
 mod sweep;
 mod top_down;

@@ -4,10 +4,10 @@ use super::codes::{Codes, MortonBits, morton_params};
 use super::sort::Sorter;
 use super::{Scratch, check_limits};
 use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
-use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::setup::{BOUNDS_CHUNK, BoundsParams, BoxesParams, Triangle};
 use prbvh_kernel::sort::GatherParams;
+use prbvh_kernel::{Kernel, grid};
 use std::borrow::Cow;
 
 /// The references in Morton order. All but `boxes` is there when the recording has run.
@@ -75,10 +75,11 @@ fn setup(device: &mut dyn Device, triangles: &[Triangle], boxes: &Buffer) -> Res
     recording.dispatch("setup", Kernel::SetupBoxes, count, &BoxesParams { count }, &[&input, boxes]);
     let mut from = boxes.clone();
     while count > 1 {
-        let params = BoundsParams { count: count.div_ceil(BOUNDS_CHUNK), boxes: count };
-        count = params.count;
+        let groups = count.div_ceil(BOUNDS_CHUNK);
+        let params = BoundsParams { count: grid::invocations(groups), boxes: count };
+        count = groups;
         let united = scratch.allocate(device, "scene box", count as usize, size_of::<Aabb>())?;
-        recording.dispatch("setup", Kernel::SetupBounds, count, &params, &[&from, &united]);
+        recording.dispatch("setup", Kernel::SetupBounds, params.count, &params, &[&from, &united]);
         from = united;
     }
     let timings = device.run(&recording)?;
@@ -115,8 +116,7 @@ fn record_codes(
             let low = scratch.allocate(device, "lower codes", length, 4)?;
             recording.dispatch("morton", Kernel::Morton60, n, &params, &[boxes, &high, &low, order]);
             // The lower word first: the sort is stable, so that sorting by the upper word then keeps its order among equals.
-            recording.copy("sort", &low, &keys);
-            sorter.record(recording, &keys, order, plan.low);
+            sorter.record_from(recording, &low, &keys, order, plan.low);
             let gather = GatherParams { count: n };
             recording.dispatch("sort", Kernel::SortGather, n, &gather, &[order, &high, &keys]);
             sorter.record(recording, &keys, order, plan.high);

@@ -2,15 +2,14 @@
 
 use super::codes::Codes;
 use super::order::MortonOrder;
-use super::scan::Scanner;
 use super::{DeviceTree, Scratch};
 use crate::device::{Buffer, Device, DeviceError, Lease, Recording, Timing};
-use prbvh_kernel::Kernel;
 use prbvh_kernel::lbvh::LeavesParams;
-use prbvh_kernel::ploc::merge::MarkParams;
+use prbvh_kernel::ploc::merge::{MOST_GROUPS, MergeParams};
 use prbvh_kernel::ploc::nearest::NearestParams;
 use prbvh_kernel::ploc::{Cluster, ClustersParams, Progress};
 use prbvh_kernel::setup::Triangle;
+use prbvh_kernel::{Kernel, grid};
 use std::borrow::Cow;
 use std::num::NonZeroU32;
 
@@ -65,8 +64,9 @@ pub fn ploc<'a>(
         nodes: tree.nodes.clone(),
         lists: [list, List::allocate(&mut scratch, device, n)?],
         neighbours: scratch.allocate(device, "neighbours", n as usize, 4)?,
-        marks: scratch.allocate(device, "marks", n as usize + 1, 4)?,
-        scanner: Scanner::new(&mut scratch, device, n as usize + 1)?,
+        marks: scratch.allocate(device, "marks", n as usize, 4)?,
+        groups: device.info().busy_workgroups().min(MOST_GROUPS),
+        gone: scratch.allocate(device, "marks of chunks", MOST_GROUPS as usize, 4)?,
     };
     let progress = rounds.run(device, &mut timings)?;
     tracing::debug!("PLOC: {} rounds, {} of them paired the list", progress.rounds, progress.paired_rounds);
@@ -99,7 +99,9 @@ struct Rounds {
     lists: [List; 2],
     neighbours: Buffer,
     marks: Buffer,
-    scanner: Scanner,
+    /// Most chunks of a round.
+    groups: u32,
+    gone: Buffer,
 }
 
 impl Rounds {
@@ -134,17 +136,19 @@ impl Rounds {
     /// Records a round over at most `most` clusters.
     fn record_round(&mut self, recording: &mut Recording, most: u32) {
         let [list, next] = &self.lists;
-        let (neighbours, marks) = (&self.neighbours, &self.marks);
+        let (neighbours, marks, gone) = (&self.neighbours, &self.marks, &self.gone);
         let params = NearestParams { count: most, radius: self.radius };
         let buffers = [&list.clusters, &list.progress, neighbours];
         recording.dispatch("nearest", Kernel::PlocNearest, most, &params, &buffers);
-        let params = MarkParams { count: most + 1 };
-        recording.dispatch("merge", Kernel::PlocMark, most + 1, &params, &[neighbours, &list.progress, marks]);
-        self.scanner.record(recording, "merge", marks, most + 1);
-        let params = ClustersParams { count: most };
+        let chunk = most.div_ceil(self.groups).max(grid::WORKGROUP_SIZE);
+        let chunks = most.div_ceil(chunk);
+        let params = MergeParams { count: grid::invocations(chunks), chunk, chunks };
         let (clusters, progress) = (&list.clusters, &list.progress);
-        let buffers = [neighbours, marks, clusters, progress, &self.nodes, &next.clusters, &next.progress];
-        recording.dispatch("merge", Kernel::PlocMerge, most, &params, &buffers);
+        let buffers = [neighbours, progress, marks, gone];
+        recording.dispatch("merge", Kernel::PlocMark, params.count, &params, &buffers);
+        let nodes = &self.nodes;
+        let buffers = [neighbours, marks, gone, clusters, progress, nodes, &next.clusters, &next.progress];
+        recording.dispatch("merge", Kernel::PlocMerge, params.count, &params, &buffers);
         self.lists.swap(0, 1);
     }
 }

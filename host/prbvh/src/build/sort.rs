@@ -1,10 +1,15 @@
 //! Recording of the stable radix sort.
 
 use super::Scratch;
-use super::scan::Scanner;
 use crate::device::{Buffer, Device, DeviceError, Recording};
-use prbvh_kernel::Kernel;
 use prbvh_kernel::sort::{DIGIT_BITS, DIGITS, SortParams};
+use prbvh_kernel::{Kernel, grid};
+
+/// Fewest pairs of a chunk: fewer, and the table of digits is longer than the pairs.
+const FEWEST: u32 = 512;
+
+/// Most pairs of a chunk: a lane takes one after another, and no loop of a kernel may be long.
+const MOST: u32 = 1 << 18;
 
 /// Buffers of a sort of `pairs` pairs, used again by every sort of that size.
 #[derive(Debug)]
@@ -14,13 +19,13 @@ pub(super) struct Sorter {
     keys: Buffer,
     values: Buffer,
     table: Buffer,
-    scanner: Scanner,
+    totals: Buffer,
 }
 
 impl Sorter {
     pub(super) fn new(scratch: &mut Scratch, device: &mut dyn Device, pairs: u32) -> Result<Self, DeviceError> {
         let length = pairs as usize;
-        let chunk = pairs.div_ceil(device.info().busy_invocations.max(1)).max(256);
+        let chunk = pairs.div_ceil(device.info().busy_workgroups()).clamp(FEWEST, MOST);
         let table = pairs.div_ceil(chunk) as usize * DIGITS;
         Ok(Self {
             pairs,
@@ -28,7 +33,7 @@ impl Sorter {
             keys: scratch.allocate(device, "sort keys", length, 4)?,
             values: scratch.allocate(device, "sort values", length, 4)?,
             table: scratch.allocate(device, "sort table", table, 4)?,
-            scanner: Scanner::new(scratch, device, table)?,
+            totals: scratch.allocate(device, "sort totals", DIGITS, 4)?,
         })
     }
 
@@ -40,20 +45,37 @@ impl Sorter {
     /// Sorts `keys`, which differ in bits of `differing` alone, and moves `values` along, both in place. Passes go over these bits only:
     /// the order of a stable sort is unique, so it is that of a sort by all bits.
     pub(super) fn record(&self, recording: &mut Recording, keys: &Buffer, values: &Buffer, differing: u32) {
+        self.record_from(recording, keys, keys, values, differing);
+    }
+
+    /// As [`Sorter::record`], with the keys from `source`, which stays as it is.
+    pub(super) fn record_from(
+        &self,
+        recording: &mut Recording,
+        source: &Buffer,
+        keys: &Buffer,
+        values: &Buffer,
+        differing: u32,
+    ) {
         let chunks = self.pairs.div_ceil(self.chunk);
-        let words = chunks * DIGITS as u32;
-        let mut from = (keys, values);
+        let mut from = (source, values);
         let mut to = (&self.keys, &self.values);
         for shift in shifts(differing) {
-            let params = SortParams { count: chunks, pairs: self.pairs, chunk: self.chunk, shift };
-            recording.dispatch("sort", Kernel::SortCount, chunks, &params, &[from.0, &self.table]);
-            self.scanner.record(recording, "sort", &self.table, words);
-            let buffers = [from.0, from.1, &self.table, to.0, to.1];
-            recording.dispatch("sort", Kernel::SortScatter, chunks, &params, &buffers);
-            std::mem::swap(&mut from, &mut to);
+            let mut pass = |kernel, groups, buffers: &[&Buffer]| {
+                let count = grid::invocations(groups);
+                let params = SortParams { count, pairs: self.pairs, chunk: self.chunk, chunks, shift };
+                recording.dispatch("sort", kernel, count, &params, buffers);
+            };
+            pass(Kernel::SortCount, chunks, &[from.0, &self.table]);
+            pass(Kernel::SortRows, DIGITS as u32, &[&self.table, &self.totals]);
+            pass(Kernel::SortScatter, chunks, &[from.0, from.1, &self.table, &self.totals, to.0, to.1]);
+            from = to;
+            to = if from.0 == keys { (&self.keys, &self.values) } else { (keys, values) };
         }
         if from.0 != keys {
             recording.copy("sort", from.0, keys);
+        }
+        if from.1 != values {
             recording.copy("sort", from.1, values);
         }
     }

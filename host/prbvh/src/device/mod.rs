@@ -126,6 +126,12 @@ impl DeviceInfo {
             busy_invocations: 1,
         }
     }
+
+    /// Workgroups that keep the device busy: a thread of a CPU takes one at a time.
+    pub(crate) fn busy_workgroups(&self) -> u32 {
+        let one = if self.kind == DeviceKind::Cpu { 1 } else { prbvh_kernel::grid::WORKGROUP_SIZE };
+        self.busy_invocations.div_ceil(one).max(1)
+    }
 }
 
 /// Kind of device.

@@ -3,9 +3,9 @@
 use crate::build::{DeviceTree, Scratch, arrivals_length, record_refit};
 use crate::bvh::SahModel;
 use crate::device::{Buffer, Device, DeviceError, Lease, Recording, Timing};
-use prbvh_kernel::Kernel;
 use prbvh_kernel::cost::{COST_CHUNK, CostParams, NO_REFIT};
 use prbvh_kernel::status::REPORT_WORDS;
+use prbvh_kernel::{Kernel, grid};
 
 /// Sums of half areas, scene units².
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -141,7 +141,7 @@ impl Measure {
 
     /// Records the sums of the half areas of `nodes` nodes from `first` on, for `partial` from `to` on.
     fn record_sum(&self, recording: &mut Recording, first: u32, nodes: u32, to: u32) {
-        let count = nodes.div_ceil(COST_CHUNK);
+        let count = grid::invocations(nodes.div_ceil(COST_CHUNK));
         let params = CostParams { count, first, nodes, internal: self.internal(), to, arrived: self.arrived };
         let buffers = [&self.nodes, &self.arrivals, &self.partial, &self.report];
         recording.dispatch("cost", Kernel::Cost, count, &params, &buffers);

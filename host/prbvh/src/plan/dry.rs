@@ -35,10 +35,9 @@ pub(super) struct Taken {
     pub(super) kernels: BTreeSet<Kernel>,
 }
 
-/// Kernels of a prefix sum and of a sort.
-const SCAN: [Kernel; 3] = [Kernel::ScanSums, Kernel::ScanSpine, Kernel::ScanApply];
+/// Kernels of a sort.
 #[cfg(feature = "atrbvh")]
-const SORT: [Kernel; 2] = [Kernel::SortCount, Kernel::SortScatter];
+const SORT: [Kernel; 3] = [Kernel::SortCount, Kernel::SortRows, Kernel::SortScatter];
 /// Kernels of stages that go on by what they read back, and nothing is to be read here.
 const ROUNDS: [Kernel; 3] = [Kernel::PlocNearest, Kernel::PlocMark, Kernel::PlocMerge];
 #[cfg(feature = "atrbvh")]
@@ -88,7 +87,7 @@ impl DryDevice {
             Initial::Ploc { radius } => {
                 let (tree, _, _) = build::ploc(self, triangles, codes, *radius)?;
                 if triangles.len() > 1 {
-                    self.kernels.extend(ROUNDS.into_iter().chain(SCAN));
+                    self.kernels.extend(ROUNDS);
                 }
                 tree
             }
@@ -102,7 +101,7 @@ impl DryDevice {
                     return Err(error);
                 }
                 if triangles.len() > 2 {
-                    self.kernels.extend(TREELETS.into_iter().chain(SORT).chain(SCAN));
+                    self.kernels.extend(TREELETS.into_iter().chain(SORT));
                 }
                 tree
             }

@@ -248,12 +248,14 @@ fn missing_limits(limits: &vk::PhysicalDeviceLimits) -> impl Iterator<Item = Mis
     let kernels = || Kernel::ALL.iter().map(|kernel| kernel.info());
     let push_bytes = kernels().map(|kernel| kernel.push_bytes).max().unwrap_or(0) as u64;
     let buffers = kernels().map(|kernel| kernel.bindings.len()).max().unwrap_or(0) as u64;
+    let shared_bytes = kernels().map(|kernel| kernel.shared_bytes).max().unwrap_or(0) as u64;
     let [groups_x, groups_y, _] = grid::workgroups(u32::MAX);
     let [max_groups_x, max_groups_y, _] = limits.max_compute_work_group_count;
     [
         ("maxPushConstantsSize", push_bytes, limits.max_push_constants_size),
         ("maxPerStageDescriptorStorageBuffers", buffers, limits.max_per_stage_descriptor_storage_buffers),
         ("maxDescriptorSetStorageBuffers", buffers, limits.max_descriptor_set_storage_buffers),
+        ("maxComputeSharedMemorySize", shared_bytes, limits.max_compute_shared_memory_size),
         ("maxComputeWorkGroupInvocations", grid::WORKGROUP_SIZE.into(), limits.max_compute_work_group_invocations),
         ("maxComputeWorkGroupSize[0]", grid::WORKGROUP_SIZE.into(), limits.max_compute_work_group_size[0]),
         ("maxComputeWorkGroupCount[0]", groups_x.into(), max_groups_x),
@@ -318,6 +320,7 @@ mod tests {
             // Vulkan promises 4, but no driver has less than 8.
             max_per_stage_descriptor_storage_buffers: 8,
             max_descriptor_set_storage_buffers: 24,
+            max_compute_shared_memory_size: 16_384,
             max_compute_work_group_invocations: 128,
             max_compute_work_group_size: [128, 128, 64],
             max_compute_work_group_count: [65_535; 3],
@@ -326,7 +329,7 @@ mod tests {
         assert_eq!(
             missing_limits(&least).count(),
             0,
-            "what Vulkan promises is enough for the grid and the push constants"
+            "what Vulkan promises is enough for the grid, its workgroups and the push constants"
         );
 
         let poor = vk::PhysicalDeviceLimits { max_per_stage_descriptor_storage_buffers: 1, ..least };
@@ -336,5 +339,12 @@ mod tests {
         };
         assert_eq!(need, Kernel::ALL.iter().map(|kernel| kernel.info().bindings.len() as u64).max().unwrap());
         assert!(missing[0].to_string().ends_with(&format!("of at least {need} (it is 1)")));
+
+        let poor = vk::PhysicalDeviceLimits { max_compute_shared_memory_size: 1024, ..least };
+        let missing: Vec<_> = missing_limits(&poor).collect();
+        let [Missing::Limit { name: "maxComputeSharedMemorySize", need, have: 1024 }] = missing[..] else {
+            panic!("{missing:?}")
+        };
+        assert_eq!(need, Kernel::ALL.iter().map(|kernel| kernel.info().shared_bytes as u64).max().unwrap());
     }
 }

@@ -8,6 +8,7 @@ use ash::vk;
 use bytemuck::Zeroable;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::mem::Slot;
+use prbvh_kernel::native::Alone;
 use prbvh_kernel::prbvh::PrbvhParams;
 use prbvh_kernel::setup::{self, BOUNDS_CHUNK, BoundsParams, BoxesParams, Triangle};
 use prbvh_kernel::sort::GatherParams;
@@ -117,14 +118,16 @@ fn boxes_and_bounds_have_the_bits_of_the_native_functions() {
     let count = triangles.len() as u32;
     let chunks = count.div_ceil(BOUNDS_CHUNK);
     let boxes_params = BoxesParams { count };
-    let bounds_params = BoundsParams { count: chunks, boxes: count };
+    let bounds_params = BoundsParams { count: grid::invocations(chunks), boxes: count };
 
     let mut native_boxes = vec![Aabb::zeroed(); triangles.len()];
     let slots = Slot::from_mut_slice(&mut native_boxes);
     (0..count).for_each(|i| setup::boxes(i, &triangles, slots));
     let mut native_united = vec![Aabb::zeroed(); chunks as usize];
     let slots = Slot::from_mut_slice(&mut native_united);
-    (0..chunks).for_each(|i| setup::bounds(i, &bounds_params, &native_boxes, slots));
+    for group in (0..chunks).map(|group| Alone { group }) {
+        setup::bounds(&group, &bounds_params, &native_boxes, slots, &group.memory());
+    }
 
     on_each_access(|device| {
         let input = buffer_of(device, "triangles", &triangles);
@@ -132,7 +135,7 @@ fn boxes_and_bounds_have_the_bits_of_the_native_functions() {
         let united = device.allocate("united", chunks as usize, size_of::<Aabb>()).unwrap();
         let mut recording = Recording::new();
         recording.dispatch("boxes", Kernel::SetupBoxes, count, &boxes_params, &[&input, &boxes]);
-        recording.dispatch("bounds", Kernel::SetupBounds, chunks, &bounds_params, &[&boxes, &united]);
+        recording.dispatch("bounds", Kernel::SetupBounds, bounds_params.count, &bounds_params, &[&boxes, &united]);
         let timings = device.run(&recording).unwrap();
 
         let labels: Vec<_> = timings.iter().map(|timing| timing.label).collect();
