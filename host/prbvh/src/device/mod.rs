@@ -21,8 +21,10 @@ pub use open::open;
 pub(crate) use pieces::read_pieces;
 pub use record::{Buffer, Command, Counted, Dispatch, Recording};
 pub use stoppable::Stoppable;
+pub(crate) use stoppable::StoppableLoan;
 pub(crate) use watched::Watched;
 
+use crate::scene::OutOfRange;
 use serde::Serialize;
 
 /// Runs recordings on buffers that it owns.
@@ -182,6 +184,9 @@ pub enum DeviceError {
         /// What is wrong.
         problem: String,
     },
+    /// Triangles with coordinates that are too small or too large.
+    #[error(transparent)]
+    Range(#[from] OutOfRange),
     /// A kernel did not do what it must.
     #[error("{kernel} on {device}: {problem}")]
     Kernel {
@@ -211,4 +216,18 @@ pub enum DeviceError {
     /// The validation layer found fault.
     #[error("Vulkan validation: {0}")]
     Validation(String),
+}
+
+impl Buffer {
+    /// What a device says that does not have it.
+    fn not_here(&self) -> DeviceError {
+        let problem = "it is not, or no longer, a buffer of this device".to_owned();
+        DeviceError::Buffer { label: self.label, problem }
+    }
+
+    /// What a device says if it is to give or take more than it holds.
+    fn too_short(&self, bytes: usize) -> DeviceError {
+        let problem = format!("{bytes} bytes wanted, but it has {}", self.bytes());
+        DeviceError::Buffer { label: self.label, problem }
+    }
 }

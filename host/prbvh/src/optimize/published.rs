@@ -1,7 +1,7 @@
 //! The published order: every µ-th node in turn, single moves (Meister & Bittner 2018, §4.4).
 
 use super::schedule::Schedule;
-use super::session::{Observe, Outcome, Report, Session};
+use super::session::{Observe, Outcome, Report, Session, no_fault};
 use super::{PrbvhSettings, StopReason, Strategy, TreeAreas};
 use crate::build::DeviceTree;
 use crate::device::{Device, DeviceError, Recording};
@@ -21,7 +21,7 @@ pub(super) fn run(
 ) -> Result<Outcome, DeviceError> {
     let mut session = Session::new(device, tree, DeviceTree::node_count(tree.references), 1)?;
     let working_bytes = device.memory().bytes;
-    let (areas, mut faults) = session.begin(device, areas, settings.mu.max(1))?;
+    let areas = session.begin(device, areas, settings.mu.max(1))?;
     let scale = scale_of(areas.root);
     let mut schedule = Schedule::new(settings, session.row().cost);
     let mut best = session.row().cost;
@@ -29,9 +29,6 @@ pub(super) fn run(
     let mut epoch = 0;
     let stop = loop {
         let done = session.row().iteration;
-        if faults != 0 {
-            break StopReason::Fault(faults);
-        }
         if observe(session.row(), tree, device).is_break() {
             break StopReason::Cancelled;
         }
@@ -59,11 +56,7 @@ pub(super) fn run(
         session.submit(device, &recording)?;
         let internal = session.measure.internal_areas(device)?;
         let mut report: Report = session.report(device)?;
-        faults = report[FAULTS];
-        if faults != 0 {
-            is_best = false;
-            break StopReason::Fault(faults);
-        }
+        no_fault(device, report[FAULTS])?;
         report[SEARCHED] = params.count;
         let cost = TreeAreas { internal, ..areas }.cost(tree.references);
         is_best = cost < best;
@@ -74,8 +67,10 @@ pub(super) fn run(
         session.push_row(&report, mu, cost, &areas, scale, clock);
     };
     // Without an iteration the tree is as it was, and none is kept.
-    let faults = if session.rows.len() > 1 { settle(&mut session, device, is_best, epoch)? } else { None };
-    Ok(session.finish(device, faults.map_or(stop, StopReason::Fault), working_bytes))
+    if session.rows.len() > 1 {
+        settle(&mut session, device, is_best, epoch)?;
+    }
+    Ok(session.finish(device, stop, working_bytes))
 }
 
 /// Records that the tree as it is now is the best one.
@@ -99,26 +94,16 @@ fn record_iteration(session: &Session<'_>, recording: &mut Recording, params: &P
     session.measure.record_internal(recording);
 }
 
-/// Leaves the best tree, with all boxes made anew; returns the faults if that shows that the last one is no tree.
-fn settle(
-    session: &mut Session<'_>,
-    device: &mut dyn Device,
-    is_best: bool,
-    epoch: u32,
-) -> Result<Option<u32>, DeviceError> {
-    if is_best {
-        let mut recording = Recording::new();
-        recording.clear("refit", &session.moves.report);
-        session.measure.record_refit(&mut recording);
-        session.measure.record_internal(&mut recording);
-        session.submit(device, &recording)?;
-        let faults = session.report(device)?[FAULTS];
-        if faults == 0 {
-            return Ok(None);
-        }
-        session.restore(device, epoch)?;
-        return Ok(Some(faults));
+/// Leaves the best tree, with all boxes made anew.
+fn settle(session: &mut Session<'_>, device: &mut dyn Device, is_best: bool, epoch: u32) -> Result<(), DeviceError> {
+    if !is_best {
+        return session.restore(device, epoch);
     }
-    session.restore(device, epoch)?;
-    Ok(None)
+    let mut recording = Recording::new();
+    recording.clear("refit", &session.moves.report);
+    session.measure.record_refit(&mut recording);
+    session.measure.record_internal(&mut recording);
+    session.submit(device, &recording)?;
+    let report = session.report(device)?;
+    no_fault(device, report[FAULTS])
 }

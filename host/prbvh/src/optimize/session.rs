@@ -5,7 +5,10 @@ use super::moves::Moves;
 use super::{IterationRow, StopReason, set_relative_errors};
 use crate::build::{DeviceTree, Scratch};
 use crate::device::{Device, DeviceError, Recording, Timing};
-use prbvh_kernel::status::{APPLIED, FAULTS, FOUND, MOST_STEPS, OWNED, PREDICTED, REPORT_WORDS, SEARCHED, VISITS};
+use prbvh_kernel::status::{
+    APPLIED, FAULT_BROKEN_TREE, FAULT_SEARCH_STEPS, FAULT_TREELET, FAULTS, FOUND, MOST_STEPS, OWNED, PREDICTED,
+    REPORT_WORDS, SEARCHED, VISITS,
+};
 use prbvh_kernel::sum;
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -45,6 +48,22 @@ pub(super) struct Clock {
     time_s: f64,
     /// On the device.
     device_s: f64,
+}
+
+/// # Errors
+/// With the faults of a report, if it has any.
+pub(super) fn no_fault(device: &dyn Device, faults: u32) -> Result<(), DeviceError> {
+    let meanings = [
+        (FAULT_SEARCH_STEPS, "a search did not end as it must"),
+        (FAULT_BROKEN_TREE, "the links are no tree"),
+        (FAULT_TREELET, "the work on a treelet did not end"),
+    ];
+    let told: Vec<&str> = meanings.iter().filter(|(bit, _)| faults & bit != 0).map(|(_, meaning)| *meaning).collect();
+    if faults == 0 {
+        return Ok(());
+    }
+    let problem = format!("fault {faults:#x}: {}", told.join(", "));
+    Err(DeviceError::Kernel { kernel: "the optimiser", problem, device: device.info().name.clone() })
 }
 
 /// A run on a device, whatever the order.
@@ -87,19 +106,21 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// Measures the tree and makes row 0; returns the faults of a tree that is none.
+    /// Measures the tree and makes row 0.
     pub(super) fn begin(
         &mut self,
         device: &mut dyn Device,
         areas: Option<TreeAreas>,
         mu: u32,
-    ) -> Result<(TreeAreas, u32), DeviceError> {
-        let (areas, faults) = match areas {
-            Some(areas) => (areas, 0),
+    ) -> Result<TreeAreas, DeviceError> {
+        let areas = match areas {
+            Some(areas) => areas,
             None => {
                 let (areas, timings) = self.measure.refitted_areas(device)?;
                 self.take_note(timings);
-                (areas, self.report(device)?[FAULTS])
+                let report = self.report(device)?;
+                no_fault(device, report[FAULTS])?;
+                areas
             }
         };
         self.rows.push(IterationRow {
@@ -109,7 +130,7 @@ impl<'a> Session<'a> {
             cost: areas.cost(self.tree.references),
             ..IterationRow::default()
         });
-        Ok((areas, faults))
+        Ok(areas)
     }
 
     pub(super) fn elapsed_s(&self) -> f64 {

@@ -2,7 +2,7 @@
 //! [tops](super::new_top); the broad tail at the end.
 
 use super::new_top;
-use super::session::{Observe, Outcome, Session};
+use super::session::{Observe, Outcome, Session, no_fault};
 use super::{Limits, PrbvhSettings, StopReason, TreeAreas, WorstFirst};
 use crate::build::DeviceTree;
 use crate::device::{Buffer, Device, DeviceError, Recording};
@@ -38,17 +38,11 @@ pub(super) fn run(
     let mut session = Session::new(device, tree, tree.references - 1, MOST_AT_ONCE)?;
     let lists = Lists::new(device, &mut session)?;
     let working_bytes = device.memory().bytes;
-    let (areas, faults) = session.begin(device, areas, 1)?;
+    let areas = session.begin(device, areas, 1)?;
     let best_cost = session.row().cost;
     let mut rounds = Rounds { lists, areas, scale: scale_of(areas.root), lost: 0.0, most_lost: 0.0, best_cost };
-    let stop =
-        if faults == 0 { rounds.run(&mut session, device, settings, observe)? } else { StopReason::Fault(faults) };
-    // A tree that is none was never a best one, unless it came so.
-    if matches!(stop, StopReason::Fault(_)) && faults == 0 {
-        rounds.restore(&mut session, device)?;
-    } else {
-        rounds.restore_if_worse(&mut session, device)?;
-    }
+    let stop = rounds.run(&mut session, device, settings, observe)?;
+    rounds.restore_if_worse(&mut session, device)?;
     Ok(session.finish(device, stop, working_bytes))
 }
 
@@ -267,9 +261,7 @@ impl Rounds {
             let reports = session.submit_rows(device, &recording, &ends)?;
             let before = session.rows.len();
             for (report, clock) in reports {
-                if report[FAULTS] != 0 {
-                    return Ok(Some(StopReason::Fault(report[FAULTS])));
-                }
+                no_fault(device, report[FAULTS])?;
                 let change = |word| to_f64(report[word], report[word + 1], self.scale);
                 self.lost += change(SHRUNK) - change(GREW);
                 let cost = self.cost(session);
