@@ -18,4 +18,5 @@ pub mod other_searches;
 pub mod planted;
 pub mod rays;
 pub mod scenes;
+pub mod walk;
 pub mod worst;

@@ -1,7 +1,6 @@
 //! prbvh on the CPU device: configurations, and their runs.
 
 use prbvh::build::{self, CodeCensus, DEFAULT_RADIUS, DeviceTree, MortonBits, TreeletSize};
-use prbvh::bvh::summary;
 use prbvh::device::{Device, DeviceError, on_host};
 use prbvh::optimize::{
     Order, PrbvhSettings, RbvhSettings, StopReason, TreeAreas, WorstFirst, measure_unchecked, prbvh_unchecked, rbvh,
@@ -342,7 +341,7 @@ fn optimized(
                 }
                 ControlFlow::Continue(())
             });
-            let outcome = outcome.unwrap_or_else(|faults| panic!("{}", summary(&faults)));
+            let outcome = outcome.unwrap_or_else(|error| panic!("{error}"));
             device.upload(&tree.nodes, bytemuck::cast_slice(&nodes))?;
             outcome.stop
         }

@@ -8,7 +8,7 @@ use anyhow::Context;
 use clap::ValueEnum;
 use prbvh::bvh::{self, DepthBound, SAH_BUDGET, SahModel};
 use prbvh::device::{Device, Meter};
-use prbvh::optimize::{Epsilon, IterationRow, Limits, Order, StopReason};
+use prbvh::optimize::{Epsilon, IterationRow, Limits, Order};
 use prbvh::pipeline::{self, Initial, Optimized, Optimizer, Settings};
 use prbvh::plan::{DeviceCode, Plan};
 use prbvh::scene::Scene;

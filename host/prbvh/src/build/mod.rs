@@ -108,6 +108,22 @@ impl DeviceTree {
         Ok(Self { references, nodes: buffer })
     }
 
+    /// Makes all boxes of internal nodes anew from those of the leaves.
+    ///
+    /// # Errors
+    /// If the device fails, or the links are no tree.
+    pub fn refit(&self, device: &mut dyn Device) -> Result<(), UnfitTree> {
+        if let Err(faults) = self.decode(device, 0)? {
+            return Err(UnfitTree::Broken { faults });
+        }
+        let device = &mut Lease::new(device);
+        let arrivals = device.allocate("arrivals", arrivals_length(self.references), 4)?;
+        let mut recording = Recording::new();
+        record_refit(&mut recording, self.references, &self.nodes, &arrivals);
+        device.run(&recording)?;
+        Ok(())
+    }
+
     /// Gives the memory back.
     pub fn free(self, device: &mut dyn Device) {
         device.free(self.nodes);

@@ -1,7 +1,11 @@
 //! Where kernels run. An algorithm records dispatches ([`Recording`]) and hands them to a [`Device`]; it never knows which.
+//!
+//! Threads are started by [`cpu::CpuDevice::new`] alone, as many as it is asked for; [`cpu::CpuDevice::in_pool`] has those of a rayon pool of the caller's.
+//! What is done on the host for a device runs on its threads ([`Device::run_on_host`]): those of a CPU device, of a GPU those of the current rayon pool.
 
 mod choice;
 pub mod cpu;
+mod held;
 mod layer;
 mod lease;
 mod meter;
@@ -14,6 +18,7 @@ pub mod vulkan;
 mod watched;
 
 pub use choice::{DeviceChoice, NoSuchChoice, Selection};
+pub use held::Held;
 pub use layer::Layer;
 pub(crate) use lease::Lease;
 pub use meter::Meter;

@@ -126,7 +126,7 @@ impl Measure {
     }
 
     /// All sums after what is recorded.
-    fn areas(
+    pub(super) fn areas(
         &mut self,
         device: &mut dyn Device,
         mut recording: Recording,

@@ -10,6 +10,7 @@ mod new_top;
 mod prbvh;
 mod published;
 mod rbvh;
+mod reoptimize;
 mod row;
 mod schedule;
 mod session;
@@ -27,6 +28,7 @@ pub use prbvh::prbvh_unchecked;
 pub use prbvh::{prbvh, prbvh_from};
 pub(crate) use rbvh::rbvh_of;
 pub use rbvh::{RbvhSettings, RbvhTree, rbvh};
+pub use reoptimize::{Budget, ReoptimizeError, Reoptimizer, Shapes, Step};
 pub use schedule::{Epsilon, Order, PrbvhSettings, WorstFirst};
 pub use session::Outcome;
 

@@ -128,7 +128,8 @@ impl Top {
         let tree = match start {
             Start::Lbvh => {
                 let all = triangles.iter().fold(Aabb::EMPTY, |all, triangle| all.union(triangle.aabb()));
-                let codes = CodeCensus::of(triangles, all.min, all.max).enough(MortonBits::default());
+                let census = on_host(device, || CodeCensus::of(triangles, all.min, all.max));
+                let codes = census.enough(MortonBits::default());
                 let (tree, timings) = build::lbvh(device, triangles, codes)?;
                 session.take_note(timings);
                 tree
