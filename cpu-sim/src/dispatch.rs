@@ -2,6 +2,7 @@
 
 use prbvh_kernel::native::Dispatcher;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// In which order a dispatch runs its invocations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,16 +20,20 @@ pub enum Order {
 #[derive(Debug)]
 pub(crate) struct Executor {
     order: Order,
-    pool: Option<rayon::ThreadPool>,
+    pool: Option<Arc<rayon::ThreadPool>>,
 }
 
 impl Executor {
     pub(crate) fn new(order: Order, threads: usize) -> Result<Self, rayon::ThreadPoolBuildError> {
         let pool = match order {
-            Order::Parallel => Some(rayon::ThreadPoolBuilder::new().num_threads(threads).build()?),
+            Order::Parallel => Some(Arc::new(rayon::ThreadPoolBuilder::new().num_threads(threads).build()?)),
             _ => None,
         };
         Ok(Self { order, pool })
+    }
+
+    pub(crate) fn in_pool(pool: Arc<rayon::ThreadPool>) -> Self {
+        Self { order: Order::Parallel, pool: Some(pool) }
     }
 
     pub(crate) fn install<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
@@ -39,7 +44,7 @@ impl Executor {
     }
 
     pub(crate) fn threads(&self) -> usize {
-        self.pool.as_ref().map_or(1, rayon::ThreadPool::current_num_threads)
+        self.pool.as_ref().map_or(1, |pool| pool.current_num_threads())
     }
 }
 

@@ -51,6 +51,12 @@ impl CpuSim {
         Ok(Self { arena: Arena::default(), executor: Arc::new(executor) })
     }
 
+    /// A CPU without buffers that runs [`Order::Parallel`] on the threads of a pool.
+    #[must_use]
+    pub fn in_pool(pool: Arc<rayon::ThreadPool>) -> Self {
+        Self { arena: Arena::default(), executor: Arc::new(Executor::in_pool(pool)) }
+    }
+
     /// Threads that dispatches use.
     #[must_use]
     pub fn threads(&self) -> usize {

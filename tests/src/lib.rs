@@ -19,4 +19,5 @@ pub mod planted;
 pub mod planted_peers;
 pub mod rays;
 pub mod scenes;
+pub mod walk;
 pub mod worst;

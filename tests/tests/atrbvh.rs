@@ -1,6 +1,9 @@
 //! ATRBVH against a naive one, on every device, on inputs of every kind.
 
-use prbvh::build::{DeviceTree, MortonBits, Pass, TreeletSize, atrbvh, lbvh, ploc, restructure, sah_sweep};
+use prbvh::build::{
+    DeviceTree, MortonBits, Pass, TreeletSize, UnfitTree, atrbvh, lbvh, ploc, restructure, restructure_unchecked,
+    sah_sweep,
+};
 use prbvh::bvh::{Bvh, quality, tree_hash, validate};
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{self, Buffer, Device, DeviceError};
@@ -151,7 +154,7 @@ struct Run {
 fn run(device: &mut dyn Device, nodes: &[Node], triangles: &[Triangle], leaves: u32) -> Result<Run, DeviceError> {
     let tree = DeviceTree::upload(device, nodes)?;
     let mut costs = vec![cost(nodes, triangles, "before")];
-    let result = restructure(device, &tree, treelet(leaves), &mut |_, device| {
+    let result = restructure_unchecked(device, &tree, treelet(leaves), &mut |_, device| {
         costs.push(cost(&tree.download(device).unwrap(), triangles, "after a pass"));
     });
     let nodes = tree.download(device)?;
@@ -359,7 +362,9 @@ fn links_that_are_no_tree_are_refused() {
             let device = &mut **device;
             let before = device.memory().bytes;
             let tree = DeviceTree::upload(device, &broken).unwrap();
-            let error = restructure(device, &tree, treelet(20), &mut |_, _| {}).unwrap_err();
+            let refused = restructure(device, &tree, treelet(20), &mut |_, _| {}).unwrap_err();
+            assert!(matches!(refused, UnfitTree::Broken { .. }), "{name}: {refused}");
+            let error = restructure_unchecked(device, &tree, treelet(20), &mut |_, _| {}).unwrap_err();
             tree.free(device);
             assert_eq!(device.memory().bytes, before, "{name}");
             assert!(error.to_string().contains("not every leaf reached the root"), "{name}: {error}");

@@ -1,10 +1,10 @@
 //! RBVH on whole trees: valid after every batch, honest about its cost, never worse than what it got, and it always ends.
 
-use prbvh::build::sah_binned;
+use prbvh::build::{UnfitTree, sah_binned};
 use prbvh::bvh::{Bvh, SahModel, TreeFault, quality, tree_hash, validate};
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{self, Device};
-use prbvh::optimize::{IterationRow, Limits, Outcome, RbvhSettings, StopReason, rbvh};
+use prbvh::optimize::{IterationRow, Limits, OptimizeError, Outcome, RbvhSettings, StopReason, rbvh};
 use prbvh::pipeline::{Initial, Optimizer, Settings, optimize};
 use prbvh::scene::{SafeRange, Scene, built_in};
 use prbvh_kernel::node::Node;
@@ -149,8 +149,9 @@ fn a_cancelled_run_keeps_the_best_tree_so_far() {
 fn what_is_no_tree_is_refused() {
     let mut nodes = sah_binned(&soup(8, 0.2, 1));
     nodes[0].down = 99;
-    let fault = rbvh(&mut nodes, &RbvhSettings::default(), &mut |_, _| ControlFlow::Continue(())).unwrap_err();
-    assert!(matches!(fault[0], TreeFault::LinkOutOfRange { node: 0, value: 99, .. }), "{fault:?}");
+    let refused = rbvh(&mut nodes, &RbvhSettings::default(), &mut |_, _| ControlFlow::Continue(())).unwrap_err();
+    let OptimizeError::Tree(UnfitTree::Broken { faults }) = &refused else { panic!("{refused}") };
+    assert!(matches!(faults[0], TreeFault::LinkOutOfRange { node: 0, value: 99, .. }), "{faults:?}");
 }
 
 #[test]

@@ -1,13 +1,15 @@
 //! A run that somebody asks to end: it ends soon, with the best tree so far.
 
+use prbvh::build::{DEFAULT_RADIUS, TreeletSize};
 use prbvh::bvh;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{self, Command, Device, DeviceError, Recording, Timing};
 use prbvh::optimize::{IterationRow, Order, PrbvhSettings, RbvhSettings, StopReason};
-use prbvh::pipeline::{Optimizer, Settings, optimize};
+use prbvh::pipeline::{Initial, Optimizer, PipelineError, Settings, optimize};
 use prbvh::scene::built_in;
 use prbvh::stop::Stop;
 use std::ops::ControlFlow;
+use std::time::Duration;
 
 /// Runs after an end was asked for: the best tree is brought back and read. A new top that goes on has more.
 const MOST_RUNS: usize = 12;
@@ -112,4 +114,64 @@ fn a_stop_that_nobody_asks_changes_nothing() {
     let with = optimize(&scene, &mut device, &settings, go_on).unwrap();
     assert_eq!(bvh::tree_hash(&with.tree), bvh::tree_hash(&without.tree));
     assert_eq!(with.outcome.stop, without.outcome.stop);
+}
+
+/// While a tree is built there is none: an end is an error, soon, and leaves nothing behind.
+#[test]
+fn an_end_while_a_tree_is_built_is_an_error_by_name() {
+    let scene = built_in(6000);
+    let go_on = &mut |_: &IterationRow| -> ControlFlow<()> { panic!("there is no tree") };
+    for (initial, label) in [
+        (Initial::Lbvh, "setup"),
+        (Initial::Lbvh, "morton"),
+        (Initial::Lbvh, "hierarchy"),
+        (Initial::Ploc { radius: DEFAULT_RADIUS }, "nearest"),
+        (Initial::Atrbvh { treelet: TreeletSize::default() }, "restructure"),
+    ] {
+        let mut device = asks(label, 1);
+        let mut settings = Settings { initial, ..Settings::default() };
+        settings.prbvh.limits.stop = Some(device.stop.clone());
+        let refused = optimize(&scene, &mut device, &settings, go_on).unwrap_err();
+        assert!(matches!(refused, PipelineError::Device(DeviceError::Stopped)), "{label}: {refused}");
+        assert!(device.stop.is_asked() && device.runs_since == 0, "{label}: {} runs", device.runs_since);
+        assert_eq!(device.memory().bytes, 0, "{label}");
+    }
+    for initial in [Initial::SahSweep, Initial::SahBinned] {
+        let mut settings = Settings { initial, ..Settings::default() };
+        let stop = Stop::default();
+        stop.ask();
+        settings.prbvh.limits.stop = Some(stop);
+        let refused = optimize(&scene, &mut CpuDevice::new(1).unwrap(), &settings, go_on).unwrap_err();
+        assert!(matches!(refused, PipelineError::Device(DeviceError::Stopped)), "{refused}");
+    }
+}
+
+/// Time that is up before the optimiser begins leaves the initial tree.
+#[test]
+fn time_that_passes_while_a_tree_is_built_counts() {
+    struct Slow(CpuDevice);
+    impl device::Layer for Slow {
+        fn inner(&self) -> &dyn Device {
+            &self.0
+        }
+
+        fn inner_mut(&mut self) -> &mut dyn Device {
+            &mut self.0
+        }
+
+        fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
+            std::thread::sleep(Duration::from_millis(30));
+            self.0.run(recording)
+        }
+    }
+    let scene = built_in(2000);
+    let go_on = &mut |_: &IterationRow| ControlFlow::Continue(());
+    for optimizer in [Optimizer::Prbvh, Optimizer::Rbvh(RbvhSettings::default())] {
+        let mut settings = Settings { optimizer, ..Settings::default() };
+        settings.limits_mut().max_time = Some(Duration::from_millis(20));
+        let result = optimize(&scene, &mut Slow(CpuDevice::new(1).unwrap()), &settings, go_on).unwrap();
+        assert_eq!((result.outcome.stop, result.outcome.rows.len()), (StopReason::MaxTime, 1));
+        assert_eq!(result.quality, result.initial);
+        assert!(bvh::validate(&result.tree, Some(&scene.triangles)).is_ok());
+    }
 }

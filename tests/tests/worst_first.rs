@@ -1,11 +1,11 @@
 //! Worst first: the whole run on every device, round by round.
 
 use bytemuck::Zeroable;
-use prbvh::build::DeviceTree;
+use prbvh::build::{DeviceTree, UnfitTree};
 use prbvh::bvh::{tree_hash, validate};
 use prbvh::device::Device;
 use prbvh::device::cpu::CpuDevice;
-use prbvh::optimize::{Limits, PrbvhSettings, StopReason, WorstFirst, prbvh};
+use prbvh::optimize::{Limits, OptimizeError, PrbvhSettings, StopReason, WorstFirst, prbvh, prbvh_unchecked};
 use prbvh::pipeline::{Settings, optimize};
 use prbvh::scene::Scene;
 use prbvh_kernel::Kernel;
@@ -292,9 +292,9 @@ fn the_default_makes_the_same_tree_on_every_device() {
     }
 }
 
-/// No round ran, so there is no best tree to go back to: what came in stays.
+/// The links are read before anything runs; without that the refit finds the fault, and no round runs.
 #[test]
-fn a_broken_initial_tree_is_a_fault_and_stays_as_it_is() {
+fn a_broken_initial_tree_is_an_error_and_stays_as_it_is() {
     let mut nodes = tree_of(&soup(20, 0.2, 1), 1).encode();
     // The way up leads past a node, which waits for both of its children.
     let right =
@@ -305,8 +305,11 @@ fn a_broken_initial_tree_is_a_fault_and_stays_as_it_is() {
             let device = &mut **device;
             for settings in [PrbvhSettings::default(), PrbvhSettings::published()] {
                 let tree = DeviceTree::upload(device, &nodes).unwrap();
-                let outcome = prbvh(device, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(()));
-                assert!(matches!(outcome.unwrap().stop, StopReason::Fault(_)), "{name}");
+                let refused = prbvh(device, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(())).unwrap_err();
+                assert!(matches!(refused, OptimizeError::Tree(UnfitTree::Broken { .. })), "{name}: {refused}");
+                let fault = prbvh_unchecked(device, &tree, None, &settings, &mut |_, _, _| ControlFlow::Continue(()));
+                let fault = fault.unwrap_err().to_string();
+                assert!(fault.contains("fault 0x2: the links are no tree"), "{name}: {fault}");
                 let after = tree.download(device).unwrap();
                 let links = |nodes: &[Node]| nodes.iter().map(|node| (node.up, node.down)).collect::<Vec<_>>();
                 assert_eq!(links(&after), links(&nodes), "{name}");

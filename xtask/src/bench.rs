@@ -1,4 +1,4 @@
-//! `cargo xtask bench [--parts | --plan | --peers | --growth]`: see tests/benches.
+//! `cargo xtask bench [--parts | --plan | --peers | --growth | --dynamic]`: see tests/benches.
 
 use crate::repo;
 use anyhow::{Result, ensure};
@@ -18,6 +18,9 @@ pub(crate) struct Bench {
     /// Scaling with threads, growth of time and memory with triangles, and what limits the search.
     #[arg(long, conflicts_with_all = ["parts", "plan", "peers"])]
     growth: bool,
+    /// A scene in motion: a tree that is refitted and made better in each frame, beside a peer.
+    #[arg(long, conflicts_with_all = ["parts", "plan", "peers", "growth"])]
+    dynamic: bool,
     /// For the benchmark: `--help` lists them.
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     arguments: Vec<String>,
@@ -28,7 +31,13 @@ impl Bench {
     /// If the benchmark cannot be built, or an answer that it checks is wrong.
     pub(crate) fn run(self) -> Result<()> {
         let mut cargo = repo::cargo()?;
-        let chosen = [(self.parts, "parts"), (self.plan, "plan"), (self.peers, "peers"), (self.growth, "growth")];
+        let chosen = [
+            (self.parts, "parts"),
+            (self.plan, "plan"),
+            (self.peers, "peers"),
+            (self.growth, "growth"),
+            (self.dynamic, "dynamic"),
+        ];
         let bench = chosen.into_iter().find(|(is_chosen, _)| *is_chosen).map_or("spine", |(_, bench)| bench);
         cargo.args(["bench", "--package", "prbvh-tests", "--bench", bench, "--"]).args(self.arguments);
         ensure!(cargo.status()?.success(), "the benchmark failed");

@@ -1,33 +1,38 @@
-//! A tree that you have, made better: here an LBVH that stands for one of another library.
+//! A tree that you have, made better in place: here one with leaves of up to four triangles that stands for one of another library.
 
-use prbvh::build::{DeviceTree, MortonBits, lbvh};
-use prbvh::bvh::{self, Bvh, SahModel};
+use prbvh::bvh::{self, Bvh};
+use prbvh::collapse::CollapseSettings;
 use prbvh::device::cpu::CpuDevice;
-use prbvh::optimize::{PrbvhSettings, prbvh};
-use prbvh::scene;
+use prbvh::pipeline::{self, Initial, Leaves, Optimizer, Settings};
+use prbvh::scene::{self, Scene};
 use std::ops::ControlFlow;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let scene = scene::built_in(10_000);
     let mut device = CpuDevice::new(0)?;
-    let yours = {
-        let (tree, _) = lbvh(&mut device, &scene.triangles, MortonBits::default())?;
-        let nodes = tree.download(&mut device)?;
-        tree.free(&mut device);
-        Bvh::from_device(&nodes).map_err(|faults| bvh::summary(&faults))?
-    };
+    let mut tree = yours(&scene, &mut device)?;
 
-    // One triangle per leaf; coordinates of a scene that is neither tiny nor huge (see `scene::SafeRange`).
-    let tree = DeviceTree::upload(&mut device, &yours.to_device()?)?;
-    prbvh(&mut device, &tree, &PrbvhSettings::default(), &mut |_, _, _| ControlFlow::Continue(()))?;
-    let nodes = tree.download(&mut device)?;
-    tree.free(&mut device);
+    // Your leaves stay what they are, and nothing needs to be known of what is in them.
+    let go_on = &mut |_: &_| ControlFlow::Continue(());
+    let whole = pipeline::optimize_tree(&mut tree, Leaves::Whole, &mut device, &Settings::default(), go_on)?;
+    println!("leaves whole: SAH cost {:.2} instead of {:.2}", whole.quality.sah_cost, whole.initial.sah_cost);
 
-    let better = Bvh::from_device(&nodes).map_err(|faults| bvh::summary(&faults))?;
-    bvh::validate(&better, Some(&scene.triangles)).map_err(|faults| bvh::summary(&faults))?;
-    let cost = |tree| bvh::quality(tree, &SahModel::default()).sah_cost;
-    println!("SAH cost {:.2} instead of {:.2}", cost(&better), cost(&yours));
+    // Or leaves are made anew, too, by the boxes of the primitives.
+    let boxes = scene.boxes();
+    let split = pipeline::optimize_tree(&mut tree, Leaves::Split(&boxes), &mut device, &Settings::default(), go_on)?;
+    println!("leaves made anew: {:.2}, {} leaves", split.quality.sah_cost, split.quality.leaves);
+
+    bvh::validate(&tree, Some(&scene.triangles)).map_err(|faults| bvh::summary(&faults))?;
     Ok(())
+}
+
+fn yours(scene: &Scene, device: &mut CpuDevice) -> Result<Bvh, Box<dyn std::error::Error>> {
+    let settings = Settings::default().with(|settings| {
+        settings.initial = Initial::Lbvh;
+        settings.optimizer = Optimizer::None;
+        settings.adaptive = Some(CollapseSettings::default().with(|leaves| leaves.max_leaf = Some(4)));
+    });
+    Ok(pipeline::optimize(scene, device, &settings, &mut |_| ControlFlow::Continue(()))?.tree)
 }
 
 #[test]

@@ -1,8 +1,10 @@
 //! Adaptive leaves: a tree of one triangle per leaf becomes a cheaper one with leaves of several ([`prbvh_kernel::collapse`]).
 
-use crate::build::{DeviceTree, arrivals_length};
+use crate::build::{DeviceTree, UnfitTree, arrivals_length};
 use crate::bvh::{self, Bvh, BvhNode, Content, NO_NODE, SahModel, TreeFault};
+use crate::check::{SettingError, at_least_1, must};
 use crate::device::{Buffer, Device, DeviceError, Lease, Recording, Timing, read_pieces};
+use crate::scene::OutOfRange;
 use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::collapse::{
@@ -19,6 +21,18 @@ pub struct CollapseSettings {
     pub sah: SahModel,
     /// Most triangles of a leaf, at least 1; none: no limit.
     pub max_leaf: Option<u32>,
+}
+
+impl CollapseSettings {
+    /// # Errors
+    /// The first field whose value makes no sense.
+    pub fn check(&self) -> Result<(), SettingError> {
+        const COST: &str = "a number from 0 to 1000000";
+        for (name, value) in [("c_traversal", self.sah.c_traversal), ("c_intersect", self.sah.c_intersect)] {
+            must(name, value, (0.0..=1e6).contains(&value), COST)?;
+        }
+        at_least_1("max_leaf", self.max_leaf.unwrap_or(1))
+    }
 }
 
 /// A tree with adaptive leaves, on the device and on the host.
@@ -61,16 +75,12 @@ pub enum CollapseError {
         /// All faults.
         faults: Vec<TreeFault>,
     },
-    /// A cost is no number of at least 0, or a leaf may hold nothing.
-    #[error("{name} is {value}, but must be {need}")]
-    Setting {
-        /// Which setting.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// What it must be.
-        need: &'static str,
-    },
+    /// A setting makes no sense.
+    #[error(transparent)]
+    Setting(#[from] SettingError),
+    /// The tree's coordinates are too small or too large.
+    #[error(transparent)]
+    Range(#[from] OutOfRange),
 }
 
 /// Collapses `tree`, whose boxes are right (refitted) and in the safe range, and which stays as it is.
@@ -78,13 +88,27 @@ pub enum CollapseError {
 /// The tree that comes back has the boxes of `tree`; [`Bvh::with_boxes_of`] gives it those of the original triangles.
 ///
 /// # Errors
-/// If a setting is out of range, the nodes are no tree, or the device fails.
+/// If a setting makes no sense, [`DeviceTree::check`] finds fault with the tree, or the device fails.
 pub fn collapse(
     device: &mut dyn Device,
     tree: &DeviceTree,
     settings: &CollapseSettings,
 ) -> Result<Collapsed, CollapseError> {
-    check_settings(settings)?;
+    settings.check()?;
+    tree.check(device).map_err(|unfit| match unfit {
+        UnfitTree::Device(error) => error.into(),
+        UnfitTree::Range(error) => error.into(),
+        UnfitTree::Broken { faults } => broken(device, faults),
+    })?;
+    collapse_sound(device, tree, settings)
+}
+
+/// [`collapse`] of a tree that this library made, by settings that were checked.
+pub(crate) fn collapse_sound(
+    device: &mut dyn Device,
+    tree: &DeviceTree,
+    settings: &CollapseSettings,
+) -> Result<Collapsed, CollapseError> {
     check_words(device, tree)?;
     let device = &mut Lease::new(device);
     let collapsed = Stages { tree, timings: Vec::new() }.run(device, settings)?;
@@ -92,18 +116,8 @@ pub fn collapse(
     Ok(collapsed)
 }
 
-/// Refuses settings that are out of range.
-pub(crate) fn check_settings(settings: &CollapseSettings) -> Result<(), CollapseError> {
-    let SahModel { c_traversal, c_intersect } = settings.sah;
-    for (name, value) in [("c_traversal", c_traversal), ("c_intersect", c_intersect)] {
-        if !(0.0..=1e6).contains(&value) {
-            return Err(CollapseError::Setting { name, value, need: "a number from 0 to 1000000" });
-        }
-    }
-    match settings.max_leaf {
-        Some(0) => Err(CollapseError::Setting { name: "max_leaf", value: 0.0, need: "at least 1" }),
-        _ => Ok(()),
-    }
+fn broken(device: &dyn Device, faults: Vec<TreeFault>) -> CollapseError {
+    CollapseError::InvalidTree { device: device.info().name.clone(), faults }
 }
 
 /// A word of a subtree has a 32-bit index.
@@ -202,7 +216,7 @@ impl Stages<'_> {
         if root[SIZE as usize] & !LEAF != n {
             // Not every leaf hangs below the root.
             let faults = self.tree.decode(device, 0)?.err().unwrap_or_default();
-            return Err(CollapseError::InvalidTree { device: device.info().name.clone(), faults });
+            return Err(broken(device, faults));
         }
         Ok(root)
     }

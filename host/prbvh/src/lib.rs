@@ -106,6 +106,7 @@
 
 pub mod build;
 pub mod bvh;
+mod check;
 pub mod collapse;
 pub mod device;
 mod fold;
@@ -114,6 +115,7 @@ pub mod format;
 pub mod optimize;
 pub mod pipeline;
 pub mod plan;
+mod references;
 pub mod scene;
 pub mod settings;
 pub mod stop;

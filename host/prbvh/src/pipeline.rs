@@ -1,22 +1,31 @@
 //! From a scene to its best tree: safe range, initial tree, optimiser, original boxes, validation, bound on the depth, adaptive leaves.
+//!
+//! Work of the host runs on the threads of the device if that is a CPU, else on those of the current rayon pool ([`Device::run_on_host`]).
 
 mod hand_out;
 mod initial;
 mod on_host;
+mod tree;
 
-pub use crate::settings::{FeatureOff, Initial, Optimizer, Settings};
+pub use crate::settings::{FeatureOff, GivenTree, Initial, Optimizer, SettingError, Settings};
+pub use tree::{Leaves, OptimizedTree, optimize_tree};
+
 use hand_out::{bounded, hand_out, hand_out_collapsed, upload_whole};
-use initial::initial_tree;
+use initial::{given_tree, initial_tree};
 
+use crate::build::DeviceTree;
 #[cfg(feature = "files")]
 use crate::build::TreeOfFileError;
 use crate::bvh::{self, Bvh, DepthBound, EncodeError, Quality, SahModel, TooShallow, TreeFault};
-use crate::collapse::{CollapseError, check_settings};
-use crate::device::{Device, DeviceError, Lease, Timing, Watched, on_host};
+use crate::collapse::CollapseError;
+use crate::device::{Device, DeviceError, Lease, StoppableLoan, Timing, Watched, on_host};
 use crate::fold::{unfold_rows, unfolded_row};
-use crate::optimize::{CurrentTree, IterationRow, Outcome, measure, prbvh_from};
+use crate::optimize::{
+    CurrentTree, IterationRow, Limits, Outcome, StopReason, TreeAreas, measure_unchecked, prbvh_unchecked,
+};
 use crate::plan::{Plan, PlanMismatch};
-use crate::scene::{SafeRange, Scene};
+use crate::references::References;
+use crate::scene::{SafeRange, Scene, SceneError};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::setup::Triangle;
 use std::collections::BTreeSet;
@@ -68,9 +77,21 @@ pub enum PipelineError {
     /// The program was built without a method.
     #[error(transparent)]
     FeatureOff(#[from] FeatureOff),
-    /// The device refused or failed.
+    /// A setting makes no sense.
+    #[error(transparent)]
+    Setting(#[from] SettingError),
+    /// The device refused or failed; [`DeviceError::Stopped`]: an end was asked for before there was a tree.
     #[error(transparent)]
     Device(#[from] DeviceError),
+    /// The tree to start from is none, or none over the scene.
+    #[error("the tree given is not fit for it: {}", bvh::summary(.faults))]
+    GivenTree {
+        /// All faults.
+        faults: Vec<TreeFault>,
+    },
+    /// There are too many references.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
     /// The file of the initial tree is not fit for it.
     #[cfg(feature = "files")]
     #[error(transparent)]
@@ -102,8 +123,14 @@ pub enum PipelineError {
 /// Builds a tree over the scene's triangles and optimises it. `observe` sees each iteration, the initial tree as row 0, and may break:
 /// then the best tree so far is returned.
 ///
+/// An end that is asked for by [`Limits::stop`](crate::optimize::Limits::stop) comes soon at any time: while the initial tree is built there is none, and so
+/// an error, [`DeviceError::Stopped`]; afterwards it is the best tree so far. When [`Limits::max_time`](crate::optimize::Limits::max_time), which counts from
+/// the beginning of this call, has passed by the time the initial tree is there, that is the tree that is returned.
+///
+/// Of an [`Initial::Tree`] in which a triangle is in several leaves comes such a tree: see [`bvh::validate_references`].
+///
 /// # Errors
-/// If the program lacks a method, the scene does not fit the device, the device fails, or a tree is invalid.
+/// If a setting makes no sense, the program lacks a method, the scene does not fit the device, the device fails, or a tree is invalid.
 pub fn optimize(
     scene: &Scene,
     device: &mut dyn Device,
@@ -111,7 +138,8 @@ pub fn optimize(
     observe: &mut dyn FnMut(&IterationRow) -> ControlFlow<()>,
 ) -> Result<Optimized, PipelineError> {
     check(scene, settings)?;
-    let plan = Plan::of(scene, device.info(), settings, &[])?;
+    let info = device.info();
+    let plan = on_host(device, || Plan::of(scene, info, settings, &[]))?;
     optimize_by(plan, scene, device, settings, observe)
 }
 
@@ -155,58 +183,61 @@ fn run(
     check(scene, settings)?;
     plan.check_purpose(scene, settings)?;
     plan.check(device.info())?;
+    let begin = Instant::now();
     let mut lease = Lease::new(device);
     let device = &mut Watched::new(&mut lease);
+    let given = on_host(device, || given_tree(scene, &settings.initial))?;
+    // Where a triangle has several references, these are what is optimised.
+    let split = given.as_ref().filter(|given| !given.are_primitives());
+    let references =
+        split.map(|given| on_host(device, || Scene::from_boxes(&*scene.name, &given.boxes))).transpose()?;
+    let scene = references.as_ref().unwrap_or(scene);
     let fold = plan.fold.clone();
-    let mut references = working_triangles(scene, device);
-    if let Some(fold) = &fold {
-        references = fold.references(&references);
-    }
-    let added = fold.as_ref().map_or(0.0, |fold| fold.added_cost(&scene.triangles, &SahModel::default()));
 
     let start = Instant::now();
-    let (mut tree, mut build_timings) = initial_tree(scene, references, device, (&settings.initial, plan.codes))?;
-    let areas = match settings.optimizer {
-        Optimizer::Prbvh => {
-            let (areas, timings) = measure(device, &tree)?;
-            build_timings.extend(timings);
-            Some(areas)
-        }
-        Optimizer::Rbvh(_) | Optimizer::None => None,
+    let limits = settings.limits();
+    let Built { mut tree, areas, timings: build_timings, build_s, handed_out: built, quality: initial, added } = {
+        let device = &mut StoppableLoan::new(device, limits.stop.clone());
+        build(scene, given.as_ref(), device, settings, &plan, start)?
     };
-    let build_s = start.elapsed().as_secs_f64();
-    let (built, initial) = hand_out((&tree, fold.as_deref()), scene, device, "builder")?;
+    let over = limits.used_up(0, begin.elapsed()).filter(|over| *over != StopReason::MaxIterations);
     // Only kept where nothing comes after it.
-    let built = matches!(settings.optimizer, Optimizer::None).then_some(built);
+    let built = (over.is_some() || matches!(settings.optimizer, Optimizer::None)).then_some(built);
 
     let start = Instant::now();
     let mut observe = |row: &IterationRow, tree: CurrentTree<'_>| observe(&unfolded_row(row, added), tree);
-    let below = |target: Option<f64>| target.map(|cost| cost - added);
-    let mut outcome = match &settings.optimizer {
-        Optimizer::Prbvh => {
+    let left = |limits: &mut Limits| {
+        limits.target_cost = limits.target_cost.map(|cost| cost - added);
+        limits.max_time = limits.max_time.map(|limit| limit.saturating_sub(begin.elapsed()));
+    };
+    let mut outcome = match (&settings.optimizer, over) {
+        (_, Some(over)) => on_host::nothing(&tree, device, initial.sah_cost - added, over, &mut observe),
+        (Optimizer::Prbvh, None) => {
             let mut settings = settings.prbvh.clone();
-            settings.limits.target_cost = below(settings.limits.target_cost);
+            left(&mut settings.limits);
             if row_by_row {
                 settings.news = Duration::ZERO;
             }
             let last_search = device.last_search();
-            prbvh_from(device, &tree, areas, &settings, &mut |row, tree, device| {
+            prbvh_unchecked(device, &tree, areas, &settings, &mut |row, tree, device| {
                 observe(row, CurrentTree::Device(tree, device, last_search.borrow().clone()))
             })?
         }
-        Optimizer::Rbvh(settings) => {
+        (Optimizer::Rbvh(settings), None) => {
             let mut settings = settings.clone();
-            settings.limits.target_cost = below(settings.limits.target_cost);
+            left(&mut settings.limits);
             let (optimized, outcome) = on_host::rbvh(tree, device, &settings, &mut observe)?;
             tree = optimized;
             outcome
         }
-        Optimizer::None => on_host::nothing(&tree, device, &initial, &mut observe),
+        (Optimizer::None, None) => {
+            on_host::nothing(&tree, device, initial.sah_cost, StopReason::NoOptimizer, &mut observe)
+        }
     };
     let optimize_s = start.elapsed().as_secs_f64();
     let (best, quality) = match built {
         Some(built) => (built, initial),
-        None => hand_out((&tree, fold.as_deref()), scene, device, "optimiser")?,
+        None => hand_out((&tree, fold.as_deref()), scene, device, ("optimiser", None))?,
     };
     let start = Instant::now();
     let (best, quality, bound) = bounded((best, quality), scene, device, settings.max_depth)?;
@@ -233,6 +264,10 @@ fn run(
         }
     };
     tree.free(device);
+    let handed_out = match split {
+        Some(given) => given.given_back(handed_out),
+        None => handed_out,
+    };
     Ok(Optimized {
         tree: handed_out,
         initial,
@@ -249,11 +284,53 @@ fn run(
     })
 }
 
+/// The initial tree, handed out.
+struct Built {
+    tree: DeviceTree,
+    /// Measured where the optimiser on the device wants them.
+    areas: Option<TreeAreas>,
+    timings: Vec<Timing>,
+    build_s: f64,
+    handed_out: Bvh,
+    quality: Quality,
+    /// What unfolding adds to the cost.
+    added: f64,
+}
+
+fn build(
+    scene: &Scene,
+    given: Option<&References>,
+    device: &mut dyn Device,
+    settings: &Settings,
+    plan: &Plan,
+    start: Instant,
+) -> Result<Built, PipelineError> {
+    let stop = settings.limits().stop.as_ref();
+    let fold = plan.fold.as_deref();
+    let mut references = working_triangles(scene, device);
+    if let Some(fold) = fold {
+        references = fold.references(&references);
+    }
+    let added = fold.map_or(0.0, |fold| fold.added_cost(&scene.triangles, &SahModel::default()));
+    let (tree, mut timings) = initial_tree(scene, given, references, device, (settings, plan.codes))?;
+    let areas = match settings.optimizer {
+        Optimizer::Prbvh => {
+            let (areas, measured) = measure_unchecked(device, &tree)?;
+            timings.extend(measured);
+            Some(areas)
+        }
+        Optimizer::Rbvh(_) | Optimizer::None => None,
+    };
+    let build_s = start.elapsed().as_secs_f64();
+    let (handed_out, quality) = hand_out((&tree, fold), scene, device, ("builder", stop))?;
+    Ok(Built { tree, areas, timings, build_s, handed_out, quality, added })
+}
+
 /// Refuses what cannot be done, before anything is.
 fn check(scene: &Scene, settings: &Settings) -> Result<(), PipelineError> {
     settings.initial.check()?;
+    settings.check()?;
     settings.max_depth.check(scene.triangles.len())?;
-    settings.adaptive.as_ref().map_or(Ok(()), check_settings)?;
     Ok(())
 }
 

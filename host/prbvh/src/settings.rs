@@ -1,13 +1,15 @@
 //! What a run is asked for: initial tree, optimiser, leaves.
 
 use crate::build::{MortonBits, TreeletSize};
-use crate::bvh::MaxDepth;
+use crate::bvh::{Bvh, MaxDepth};
+pub use crate::check::SettingError;
 use crate::collapse::CollapseSettings;
 use crate::optimize::{IterationRow, Limits, PrbvhSettings, RbvhSettings, WorstFirst};
 use std::fmt;
 use std::num::NonZeroU32;
 #[cfg(feature = "files")]
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// A method that this program was built without.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -18,6 +20,47 @@ pub struct FeatureOff {
     pub method: &'static str,
     /// The cargo feature that has it.
     pub feature: &'static str,
+}
+
+/// A tree that the caller has, lent to any number of runs.
+#[derive(Clone, Debug)]
+pub struct GivenTree(Arc<Bvh>);
+
+impl std::ops::Deref for GivenTree {
+    type Target = Bvh;
+
+    fn deref(&self) -> &Bvh {
+        &self.0
+    }
+}
+
+/// The same tree, not an equal one.
+impl PartialEq for GivenTree {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+}
+
+impl Eq for GivenTree {}
+
+/// Its number of nodes: the tree itself is no setting.
+#[cfg(feature = "serde")]
+impl serde::Serialize for GivenTree {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map([("nodes", self.nodes.len())])
+    }
+}
+
+impl From<Arc<Bvh>> for Initial {
+    fn from(tree: Arc<Bvh>) -> Self {
+        Self::Tree(GivenTree(tree))
+    }
+}
+
+impl From<Bvh> for Initial {
+    fn from(tree: Bvh) -> Self {
+        Arc::new(tree).into()
+    }
 }
 
 /// Where the initial tree comes from.
@@ -46,6 +89,11 @@ pub enum Initial {
     SahSweep,
     /// Binned SAH (Wald 2007), on the CPU.
     SahBinned,
+    /// A tree over the same scene that is in memory, from [`Initial::from`]. Leaves may hold any number of primitives, and a primitive may be in several
+    /// leaves (spatial splits). Each primitive of a leaf becomes a leaf of its own; [`Settings::adaptive`] makes larger ones again.
+    /// [`optimize_tree`](crate::pipeline::optimize_tree) keeps the leaves, or needs no scene.
+    #[cfg_attr(feature = "serde", serde(skip_deserializing))]
+    Tree(GivenTree),
     /// A `tree.bvh` over the same scene with one triangle per leaf; only with the cargo feature `files`.
     #[cfg(feature = "files")]
     File {
@@ -63,15 +111,21 @@ impl Initial {
 
     /// As on the command line, but no path.
     pub(crate) fn method(&self) -> String {
-        if self.is_file() { "tree file".to_owned() } else { self.to_string() }
+        match self {
+            #[cfg(feature = "files")]
+            Self::File { .. } => "tree file".to_owned(),
+            _ => self.to_string(),
+        }
     }
 
-    /// Whether it is read.
-    pub(crate) fn is_file(&self) -> bool {
-        #[cfg(feature = "files")]
-        return matches!(self, Self::File { .. });
-        #[cfg(not(feature = "files"))]
-        return false;
+    /// Whether it is there already, over all triangles.
+    pub(crate) fn is_given(&self) -> bool {
+        match self {
+            Self::Tree(_) => true,
+            #[cfg(feature = "files")]
+            Self::File { .. } => true,
+            _ => false,
+        }
     }
 
     /// Whether this program has the builder.
@@ -86,7 +140,7 @@ impl Initial {
     }
 }
 
-/// As on the command line: `lbvh`, `ploc`, `atrbvh`, `sah-sweep`, `sah-binned`, or the path of the file.
+/// As on the command line: `lbvh`, `ploc`, `atrbvh`, `sah-sweep`, `sah-binned`, or the path of the file; `tree` if it is in memory.
 impl fmt::Display for Initial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -95,6 +149,7 @@ impl fmt::Display for Initial {
             Self::Atrbvh { .. } => f.write_str("atrbvh"),
             Self::SahSweep => f.write_str("sah-sweep"),
             Self::SahBinned => f.write_str("sah-binned"),
+            Self::Tree(_) => f.write_str("tree"),
             #[cfg(feature = "files")]
             Self::File { path } => path.display().fmt(f),
         }
@@ -173,6 +228,18 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// Whether every value makes sense, also of what [`Settings::optimizer`] does not look at.
+    ///
+    /// # Errors
+    /// The first field whose value makes no sense.
+    pub fn check(&self) -> Result<(), SettingError> {
+        self.prbvh.check()?;
+        if let Optimizer::Rbvh(settings) = &self.optimizer {
+            settings.check()?;
+        }
+        self.adaptive.as_ref().map_or(Ok(()), CollapseSettings::check)
+    }
+
     /// What ends the optimiser early. Where there is none, the limits of [`Settings::prbvh`], which then end nothing.
     #[must_use]
     pub fn limits(&self) -> &Limits {
@@ -213,6 +280,8 @@ with!(crate::scene::LoadOptions);
 mod tests {
     use super::*;
     use crate::build::TreeletSize;
+    use crate::bvh::SahModel;
+    use crate::optimize::Epsilon;
 
     #[test]
     fn a_method_that_is_left_out_says_so() {
@@ -221,5 +290,63 @@ mod tests {
         assert_eq!(initial.check().is_ok(), cfg!(feature = "atrbvh"));
         let error = FeatureOff { method: "atrbvh", feature: "atrbvh" }.to_string();
         assert!(error.contains("without the cargo feature `atrbvh`"), "{error}");
+    }
+
+    #[test]
+    fn what_is_usual_is_good() {
+        PrbvhSettings::default().check().unwrap();
+        PrbvhSettings::published().check().unwrap();
+        RbvhSettings::default().check().unwrap();
+        CollapseSettings::default().check().unwrap();
+        Limits::iterations(0).check().unwrap();
+    }
+
+    #[test]
+    fn each_bad_value_is_told_with_its_field() {
+        let prbvh = |change: &dyn Fn(&mut PrbvhSettings)| {
+            let mut settings = PrbvhSettings::default();
+            change(&mut settings);
+            settings.check()
+        };
+        let rbvh = |change: &dyn Fn(&mut RbvhSettings)| {
+            let mut settings = RbvhSettings::default();
+            change(&mut settings);
+            settings.check()
+        };
+        let leaves = |c_traversal, max_leaf| {
+            CollapseSettings { sah: SahModel { c_traversal, ..SahModel::default() }, max_leaf }.check()
+        };
+        let cases = [
+            ("mu", "0", prbvh(&|s| s.mu = 0)),
+            ("epsilon", "NaN", prbvh(&|s| s.epsilon = Epsilon::Relative(f64::NAN))),
+            ("epsilon", "-0.1", prbvh(&|s| s.epsilon = Epsilon::Absolute(-0.1))),
+            ("patience", "0", prbvh(&|s| s.patience = 0)),
+            ("target_cost", "NaN", prbvh(&|s| s.limits.target_cost = Some(f64::NAN))),
+            ("worst_first.first", "0", prbvh(&|s| s.worst_first.first = 0)),
+            ("worst_first.growth", "NaN", prbvh(&|s| s.worst_first.growth = f64::NAN)),
+            ("worst_first.growth", "0.9", prbvh(&|s| s.worst_first.growth = 0.9)),
+            ("worst_first.growth", "inf", prbvh(&|s| s.worst_first.growth = f64::INFINITY)),
+            ("worst_first.most_part", "0", prbvh(&|s| s.worst_first.most_part = 0.0)),
+            ("worst_first.most_part", "NaN", prbvh(&|s| s.worst_first.most_part = f64::NAN)),
+            ("worst_first.lock_rounds", "0", prbvh(&|s| s.worst_first.lock_rounds = 0)),
+            ("worst_first.lock_rounds", "4294967295", prbvh(&|s| s.worst_first.lock_rounds = u32::MAX)),
+            ("worst_first.slack", "NaN", prbvh(&|s| s.worst_first.slack = f32::NAN)),
+            ("worst_first.settles", "1", prbvh(&|s| s.worst_first.settles = 1.0)),
+            ("worst_first.patience", "0", prbvh(&|s| s.worst_first.patience = 0)),
+            ("worst_first.tail_part", "1.1", prbvh(&|s| s.worst_first.tail_part = 1.1)),
+            ("batch", "0", rbvh(&|s| s.batch = 0.0)),
+            ("batch", "NaN", rbvh(&|s| s.batch = f64::NAN)),
+            ("epsilon", "-1", rbvh(&|s| s.epsilon = -1.0)),
+            ("patience", "0", rbvh(&|s| s.patience = 0)),
+            ("target_cost", "NaN", rbvh(&|s| s.limits.target_cost = Some(f64::NAN))),
+            ("c_traversal", "-1", leaves(-1.0, None)),
+            ("c_traversal", "NaN", leaves(f64::NAN, None)),
+            ("max_leaf", "0", leaves(1.0, Some(0))),
+        ];
+        for (name, value, checked) in cases {
+            let error = checked.expect_err(name);
+            assert_eq!((error.name, &*error.value), (name, value));
+            assert!(error.to_string().starts_with(&format!("{name} is {value}, but must be ")), "{error}");
+        }
     }
 }

@@ -66,14 +66,14 @@ pub(crate) struct Search {
 /// Measures the search on the LBVH of a scene, and on what PRBVH makes of it.
 pub(crate) fn searches(scene: &Scene, device: &mut dyn Device, memory: &[Memory], repetitions: usize) -> Vec<Search> {
     let working = SafeRange::of(&scene.triangles).apply(&scene.triangles);
-    let failed = |error| -> ! { panic!("{}: {error}", scene.name) };
-    let (tree, _) = build::lbvh(device, &working, MortonBits::default()).unwrap_or_else(|error| failed(error));
-    let initial = tree.download(device).unwrap_or_else(|error| failed(error));
+    let failed = |error: &dyn std::error::Error| -> ! { panic!("{}: {error}", scene.name) };
+    let (tree, _) = build::lbvh(device, &working, MortonBits::default()).unwrap_or_else(|error| failed(&error));
+    let initial = tree.download(device).unwrap_or_else(|error| failed(&error));
     let run = |device: &mut dyn Device, tree: &DeviceTree, settings: &PrbvhSettings| {
-        prbvh(device, tree, settings, &mut |_, _, _| ControlFlow::Continue(())).unwrap_or_else(|error| failed(error))
+        prbvh(device, tree, settings, &mut |_, _, _| ControlFlow::Continue(())).unwrap_or_else(|error| failed(&error))
     };
     run(device, &tree, &PrbvhSettings::default());
-    let optimised = tree.download(device).unwrap_or_else(|error| failed(error));
+    let optimised = tree.download(device).unwrap_or_else(|error| failed(&error));
     tree.free(device);
     let once = PrbvhSettings::default().with(|s| {
         s.mu = 1;
@@ -82,7 +82,7 @@ pub(crate) fn searches(scene: &Scene, device: &mut dyn Device, memory: &[Memory]
     let of_tree = |(name, nodes): (&'static str, &Vec<Node>)| {
         let mut seconds = Vec::new();
         for repetition in 0..=repetitions.max(1) {
-            let tree = DeviceTree::upload(device, nodes).unwrap_or_else(|error| failed(error));
+            let tree = DeviceTree::upload(device, nodes).unwrap_or_else(|error| failed(&error));
             let outcome = run(device, &tree, &once);
             tree.free(device);
             if repetition > 0 {

@@ -3,6 +3,7 @@
 pub mod agree;
 pub mod chase;
 pub mod curve;
+pub mod frames;
 pub mod machine;
 pub mod markdown;
 pub mod obvhs;

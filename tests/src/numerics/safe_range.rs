@@ -5,9 +5,9 @@ use super::{case, device, markdown, method, part, stability_rows, texts};
 use prbvh::build::{DeviceTree, lbvh};
 use prbvh::bvh::{Bvh, SahModel, quality};
 use prbvh::device::Device;
-use prbvh::optimize::prbvh;
+use prbvh::optimize::{IterationRow, prbvh_unchecked};
 use prbvh::pipeline::{Optimized, Settings};
-use prbvh::scene::Scene;
+use prbvh::scene::{SafeRange, Scene};
 use prbvh_lab::stability::{Library, Property, Row, RunError, Subject};
 use std::ops::ControlFlow;
 
@@ -17,14 +17,20 @@ pub struct Unscaled;
 
 impl Subject for Unscaled {
     fn run(&self, scene: &Scene, settings: &Settings, device: &mut dyn Device) -> Result<Optimized, RunError> {
-        let (tree, _) = lbvh(device, &scene.triangles, settings.morton_bits)?;
+        // The codes know no scale; only the boxes are as they are.
+        let (scaled, _) = lbvh(device, SafeRange::of(&scene.triangles).apply(&scene.triangles), settings.morton_bits)?;
+        let nodes = scaled.download(device)?;
+        scaled.free(device);
+        let built = Bvh::from_device(&nodes).map_err(RunError::InvalidTree)?.with_boxes_of(&scene.triangles);
+        let tree = DeviceTree::upload(device, &built.to_device()?)?;
         let measured = |tree: &DeviceTree, device: &mut dyn Device| {
             let nodes = tree.download(device)?;
             let tree = Bvh::from_device(&nodes).map_err(RunError::InvalidTree)?.with_boxes_of(&scene.triangles);
             Ok::<_, RunError>((quality(&tree, &SahModel::default()), tree))
         };
         let (initial, _) = measured(&tree, device)?;
-        let outcome = prbvh(device, &tree, &settings.prbvh, &mut |_, _, _| ControlFlow::Continue(()))?;
+        let go_on = &mut |_: &IterationRow, _: &DeviceTree, _: &mut dyn Device| ControlFlow::Continue(());
+        let outcome = prbvh_unchecked(device, &tree, None, &settings.prbvh, go_on)?;
         let (quality, best) = measured(&tree, device)?;
         tree.free(device);
         let mut run = Library.run(scene, settings, device)?;

@@ -150,7 +150,7 @@ impl<'a> Row<'a> {
         if let Some(folder) = &folder {
             one_run::write(folder.path(), &scene, &result, &report)?;
         }
-        one_run::judge(&result, report.accuracy.as_ref())?;
+        one_run::judge(report.accuracy.as_ref())?;
         let is_cut_short = result.outcome.stop == StopReason::Cancelled;
         let status = if is_cut_short { Status::Interrupted } else { Status::Done };
         let line = Line::of(named.path.display().to_string(), name.to_owned(), status, as_json, &report)?;

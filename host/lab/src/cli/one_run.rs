@@ -7,7 +7,7 @@ use super::optimize_args::OptimizeArgs;
 use anyhow::Context;
 use prbvh::bvh::{self, DepthBound, SAH_BUDGET, SahModel};
 use prbvh::device::{Device, Meter};
-use prbvh::optimize::{IterationRow, Limits, StopReason};
+use prbvh::optimize::{IterationRow, Limits};
 use prbvh::pipeline::{self, Initial, Optimized, Optimizer, Settings};
 use prbvh::plan::Plan;
 use prbvh::scene::Scene;
@@ -123,15 +123,8 @@ fn tell(bound: &DepthBound) {
 }
 
 /// # Errors
-/// If the run ended by a fault, or its numbers were checked and are not as they must be.
-pub(super) fn judge(result: &Optimized, accuracy: Option<&AccuracyReport>) -> anyhow::Result<()> {
-    if let StopReason::Fault(_) = result.outcome.stop {
-        anyhow::bail!("{}; the best tree before it was kept", result.outcome.stop);
-    }
-    judge_numbers(accuracy)
-}
-
-fn judge_numbers(accuracy: Option<&AccuracyReport>) -> anyhow::Result<()> {
+/// If the numbers of the run were checked and are not as they must be.
+pub(super) fn judge(accuracy: Option<&AccuracyReport>) -> anyhow::Result<()> {
     match accuracy.and_then(AccuracyReport::verdict) {
         Some(wrong) => anyhow::bail!(wrong),
         None => Ok(()),
@@ -175,10 +168,10 @@ mod tests {
     #[test]
     fn wrong_numbers_are_an_error() {
         let mut accuracy = AccuracyReport { search: None, breaches: Vec::new(), rows: Vec::new() };
-        assert!(judge_numbers(None).is_ok() && judge_numbers(Some(&accuracy)).is_ok());
+        assert!(judge(None).is_ok() && judge(Some(&accuracy)).is_ok());
         let what = "the cost is 3, 2 in f64".to_owned();
         accuracy.breaches.push(Breach { iteration: 7, kind: BreachKind::Cost, what });
-        let error = judge_numbers(Some(&accuracy)).unwrap_err().to_string();
+        let error = judge(Some(&accuracy)).unwrap_err().to_string();
         assert!(error.contains("iteration 7: the cost is 3, 2 in f64"), "{error}");
     }
 }

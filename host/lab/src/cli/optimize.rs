@@ -47,7 +47,7 @@ fn alone(
     // Not before: where the disk is full the user has at least the outcome.
     written?;
     printed?;
-    judge(&result, report.accuracy.as_ref())?;
+    judge(report.accuracy.as_ref())?;
     Ok(ExitCode::SUCCESS)
 }
 

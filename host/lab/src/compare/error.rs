@@ -5,6 +5,7 @@ use crate::render::RenderError;
 use prbvh::bvh::{self, EncodeError, TooShallow, TreeFault};
 use prbvh::collapse::CollapseError;
 use prbvh::device::DeviceError;
+use prbvh::optimize::OptimizeError;
 use prbvh::pipeline::PipelineError;
 use std::error::Error;
 
@@ -18,6 +19,9 @@ pub enum MethodError {
     /// The device refused or failed.
     #[error(transparent)]
     Device(#[from] DeviceError),
+    /// The optimiser gave nothing.
+    #[error(transparent)]
+    Optimize(#[from] OptimizeError),
     /// The adaptive leaves could not be made.
     #[error(transparent)]
     Collapse(#[from] CollapseError),
@@ -44,9 +48,6 @@ pub enum MethodError {
         /// Hash of the other one.
         second: String,
     },
-    /// A kernel reported a fault.
-    #[error("stopped by a {0}")]
-    Fault(String),
     /// The rays hit something else than through the other trees.
     #[error("other hits: {0}")]
     OtherHits(String),

@@ -84,11 +84,9 @@ impl<'a> Subject<'a> {
         let mut settings = settings.clone();
         settings.limits_mut().stop = Some(stop.clone());
         let result = pipeline::optimize(self.scene, &mut meter, &settings, &mut |_| ControlFlow::Continue(()))?;
-        match result.outcome.stop {
-            StopReason::Fault(_) => return Err(MethodError::Fault(result.outcome.stop.to_string())),
+        if result.outcome.stop == StopReason::Cancelled {
             // What it had by then is not what the method makes.
-            StopReason::Cancelled => return Err(DeviceError::Stopped.into()),
-            _ => {}
+            return Err(DeviceError::Stopped.into());
         }
         let run = OptimizerRun {
             initial: settings.initial.to_string(),

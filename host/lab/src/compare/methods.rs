@@ -194,8 +194,7 @@ fn run_rbvh(triangles: &[Triangle], mut settings: RbvhSettings, stop: &Stop) -> 
     let (tree, _) = build::lbvh(&mut device, triangles, MortonBits::default())?;
     let mut nodes = tree.download(&mut device)?;
     let build_s = start.elapsed().as_secs_f64();
-    let run = optimize::rbvh(&mut nodes, &settings, &mut |_, _| ControlFlow::Continue(()));
-    let outcome = run.map_err(MethodError::InvalidTree)?;
+    let outcome = optimize::rbvh(&mut nodes, &settings, &mut |_, _| ControlFlow::Continue(()))?;
     if outcome.stop == StopReason::Cancelled {
         return Err(DeviceError::Stopped.into());
     }

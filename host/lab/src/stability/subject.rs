@@ -3,7 +3,7 @@
 use prbvh::build::{DeviceTree, Scratch};
 use prbvh::bvh::{self, Bvh, EncodeError, TreeFault};
 use prbvh::device::{Device, DeviceError, Recording};
-use prbvh::optimize::{Order, PrbvhSettings, prbvh};
+use prbvh::optimize::{OptimizeError, Order, PrbvhSettings, prbvh};
 use prbvh::pipeline::{self, Optimized, PipelineError, Settings};
 use prbvh::scene::{SafeRange, Scene};
 use prbvh_kernel::Kernel;
@@ -24,6 +24,9 @@ pub enum RunError {
     /// The device refused or failed.
     #[error(transparent)]
     Device(#[from] DeviceError),
+    /// The optimiser gave nothing.
+    #[error(transparent)]
+    Optimize(#[from] OptimizeError),
     /// A tree to go on from has leaves of several triangles.
     #[error(transparent)]
     Encode(#[from] EncodeError),

@@ -1,7 +1,7 @@
 //! ATRBVH: passes of treelet restructuring by agglomerative clustering (Domingues & Pedrini 2015).
 
 use super::sort::Sorter;
-use super::{Codes, DeviceTree, Scratch, TreeletSize, lbvh};
+use super::{Codes, DeviceTree, Scratch, TreeletSize, UnfitTree, lbvh};
 use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::atrbvh::{LevelsParams, RestructureParams};
@@ -43,10 +43,7 @@ const FEWEST: u32 = 3;
 /// the times of its stages and its passes. Triangles that are handed over are freed as soon as the device has them.
 ///
 /// # Errors
-/// If the triangles do not fit the device, or the device fails.
-///
-/// # Panics
-/// If there are no triangles.
+/// If there are no triangles, they do not fit the device or [are out of range](crate::scene::SafeRange::check), or the device fails.
 pub fn atrbvh<'a>(
     device: &mut dyn Device,
     triangles: impl Into<Cow<'a, [Triangle]>>,
@@ -54,7 +51,7 @@ pub fn atrbvh<'a>(
     treelet: TreeletSize,
 ) -> Result<(DeviceTree, Vec<Timing>, Vec<Pass>), DeviceError> {
     let (tree, mut timings) = lbvh(device, triangles, codes)?;
-    match restructure(device, &tree, treelet, &mut |_, _| {}) {
+    match restructure_unchecked(device, &tree, treelet, &mut |_, _| {}) {
         Ok(restructured) => {
             timings.extend(restructured.timings);
             Ok((tree, timings, restructured.passes))
@@ -74,8 +71,20 @@ pub fn atrbvh<'a>(
 /// next would be some of those that it found good.
 ///
 /// # Errors
-/// If the nodes are no tree, or the device fails; the tree is then not to be used.
+/// If [`DeviceTree::check`] finds fault with the tree, before anything runs, or the device fails; the tree is then not to be used.
 pub fn restructure(
+    device: &mut dyn Device,
+    tree: &DeviceTree,
+    treelet: TreeletSize,
+    observe: &mut dyn FnMut(&Pass, &mut dyn Device),
+) -> Result<Restructured, UnfitTree> {
+    tree.check(device)?;
+    Ok(restructure_unchecked(device, tree, treelet, observe)?)
+}
+
+/// [`restructure`] of a tree that a builder of this library made.
+#[doc(hidden)]
+pub fn restructure_unchecked(
     device: &mut dyn Device,
     tree: &DeviceTree,
     treelet: TreeletSize,

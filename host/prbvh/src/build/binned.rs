@@ -1,6 +1,7 @@
 //! Binned SAH (Wald 2007): splits between equally wide bins of the centres.
 
-use super::top_down::{Part, SERIAL, Split, stable_partition, top_down};
+use super::top_down::{Part, SERIAL, Split, in_range, stable_partition, top_down};
+use crate::stop::Stop;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
@@ -10,21 +11,27 @@ use rayon::prelude::*;
 const BINS: usize = 32;
 
 /// Builds a tree of one triangle per leaf on the CPU, with all threads of the current rayon pool; the tree does not depend on their
-/// number. Returns `nodes[2n-1]` for [`DeviceTree::upload`](super::DeviceTree::upload). `triangles` are finite and in the safe range
-/// (`crate::scene::SafeRange`).
+/// number. Returns `nodes[2n-1]` for [`DeviceTree::upload`](super::DeviceTree::upload). `triangles` are finite and of any size: the splits are
+/// those of their [working coordinates](crate::scene::SafeRange).
 ///
 /// The 32 bins of each axis span the centres of the part's boxes. Of equally good splits the one closest to the middle is taken, then the
 /// first axis. References whose centres are all the same are halved in their order.
-///
-/// # Panics
-/// If there are no triangles.
+/// Of no triangles there is no tree, and no nodes.
 #[must_use]
 pub fn sah_binned(triangles: &[Triangle]) -> Vec<Node> {
-    assert!(!triangles.is_empty(), "a tree needs a triangle");
-    let boxes: Vec<Aabb> = triangles.par_iter().map(Triangle::aabb).collect();
+    binned_until(triangles, None).unwrap_or_default()
+}
+
+/// [`sah_binned`]; none of no triangles, or if an end was asked for.
+pub(crate) fn binned_until(triangles: &[Triangle], stop: Option<&Stop>) -> Option<Vec<Node>> {
+    if triangles.is_empty() {
+        return None;
+    }
+    let split = in_range(triangles);
+    let boxes: Vec<Aabb> = split.par_iter().map(Triangle::aabb).collect();
     let mut ids: Vec<u32> = (0..boxes.len() as u32).collect();
     let mut spare = vec![0; boxes.len()];
-    top_down(Binned { boxes: &boxes, ids: &mut ids, spare: &mut spare }, triangles)
+    top_down(Binned { boxes: &boxes, ids: &mut ids, spare: &mut spare }, triangles, stop)
 }
 
 struct Binned<'a> {

@@ -13,10 +13,7 @@ use std::borrow::Cow;
 /// times of its stages. Triangles that are handed over are freed as soon as the device has them.
 ///
 /// # Errors
-/// If the triangles do not fit the device, or the device fails.
-///
-/// # Panics
-/// If there are no triangles.
+/// If there are no triangles, they do not fit the device or [are out of range](crate::scene::SafeRange::check), or the device fails.
 pub fn lbvh<'a>(
     device: &mut dyn Device,
     triangles: impl Into<Cow<'a, [Triangle]>>,

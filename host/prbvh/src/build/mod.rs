@@ -13,9 +13,14 @@ mod sort;
 mod sweep;
 mod top_down;
 mod treelet;
+mod unfit;
 
 #[cfg(feature = "atrbvh")]
+#[doc(hidden)]
+pub use atrbvh::restructure_unchecked;
+#[cfg(feature = "atrbvh")]
 pub use atrbvh::{Pass, Restructured, atrbvh, restructure};
+pub(crate) use binned::binned_until;
 pub use binned::sah_binned;
 pub use codes::MortonBits;
 pub use codes::{CodeCensus, Codes, MOST_COMPARED};
@@ -24,7 +29,9 @@ pub use from_file::{TreeOfFileError, from_file};
 pub use lbvh::lbvh;
 pub use ploc::{DEFAULT_RADIUS, ploc};
 pub use sweep::sah_sweep;
+pub(crate) use sweep::sweep_until;
 pub use treelet::{TreeletSize, TreeletSizeError};
+pub use unfit::UnfitTree;
 
 use crate::bvh::{Bvh, Decoder, TreeFault};
 use crate::device::{Buffer, Device, DeviceError, DeviceInfo, Lease, Recording, read_pieces};
@@ -34,7 +41,7 @@ use prbvh_kernel::Kernel;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::refit::RefitParams;
 
-/// A tree on a device: `2n-1` nodes in the form of [`prbvh_kernel::node`].
+/// A tree on a device: `2n-1` nodes in the form of [`prbvh_kernel::node`], over at least one reference.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct DeviceTree {
@@ -87,18 +94,34 @@ impl DeviceTree {
     /// Puts a tree that was made elsewhere on the device.
     ///
     /// # Errors
-    /// If the device fails.
-    ///
-    /// # Panics
-    /// If `nodes` has not the odd length of a tree.
+    /// If `nodes` has not the odd length of a tree, or the device fails. Links are not looked at: [`DeviceTree::check`] does that.
     pub fn upload(device: &mut dyn Device, nodes: &[Node]) -> Result<Self, DeviceError> {
-        assert!(nodes.len() % 2 == 1, "a binary tree has an odd number of nodes");
+        if nodes.len().is_multiple_of(2) {
+            let problem = TreeFault::NodeCount { nodes: nodes.len() }.to_string();
+            return Err(DeviceError::Buffer { label: "nodes", problem });
+        }
         let device = &mut Lease::new(device);
         let buffer = device.allocate("nodes", nodes.len(), size_of::<Node>())?;
         device.upload(&buffer, bytemuck::cast_slice(nodes))?;
         device.keep();
         let references = u32::try_from(nodes.len().div_ceil(2)).expect("node indices have 32 bits");
         Ok(Self { references, nodes: buffer })
+    }
+
+    /// Makes all boxes of internal nodes anew from those of the leaves.
+    ///
+    /// # Errors
+    /// If the device fails, or the links are no tree.
+    pub fn refit(&self, device: &mut dyn Device) -> Result<(), UnfitTree> {
+        if let Err(faults) = self.decode(device, 0)? {
+            return Err(UnfitTree::Broken { faults });
+        }
+        let device = &mut Lease::new(device);
+        let arrivals = device.allocate("arrivals", arrivals_length(self.references), 4)?;
+        let mut recording = Recording::new();
+        record_refit(&mut recording, self.references, &self.nodes, &arrivals);
+        device.run(&recording)?;
+        Ok(())
     }
 
     /// Gives the memory back.

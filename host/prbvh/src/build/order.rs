@@ -4,6 +4,7 @@ use super::codes::{Codes, MortonBits, morton_params};
 use super::sort::Sorter;
 use super::{Scratch, check_limits};
 use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
+use crate::scene::SafeRange;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::setup::{BOUNDS_CHUNK, BoundsParams, BoxesParams, Triangle};
 use prbvh_kernel::sort::GatherParams;
@@ -31,22 +32,22 @@ impl MortonOrder {
     /// Computes the boxes and records codes and sort. Triangles that are handed over are freed in between. Returns the times of what has run.
     ///
     /// # Errors
-    /// If the triangles do not fit the device, or the device fails.
-    ///
-    /// # Panics
-    /// If there are no triangles.
+    /// If there are no triangles, they do not fit the device or are out of range, or the device fails.
     pub(super) fn record(
         recording: &mut Recording,
         device: &mut dyn Device,
         triangles: Cow<'_, [Triangle]>,
         plan: Codes,
     ) -> Result<(Self, Vec<Timing>), DeviceError> {
-        assert!(!triangles.is_empty(), "a tree needs a triangle");
+        if triangles.is_empty() {
+            return Err(DeviceError::Buffer { label: "triangles", problem: "a tree needs at least one".to_owned() });
+        }
         check_limits(device.info(), triangles.len())?;
         let references = u32::try_from(triangles.len()).expect("checked against the limit of indices");
         let (mut scratch, mut codes) = (Scratch::default(), Scratch::default());
         let boxes = scratch.allocate(device, "boxes", triangles.len(), size_of::<Aabb>())?;
         let (scene_box, timings) = setup(device, &triangles, &boxes)?;
+        SafeRange::check(&scene_box)?;
         drop(triangles);
         let order = scratch.allocate(device, "order", references as usize, 4)?;
         let (high, low) = record_codes(recording, &mut codes, device, references, (&boxes, &order), plan, scene_box)?;

@@ -1,6 +1,7 @@
 //! Full-sweep SAH (MacDonald & Booth 1990; Hunt 2007 for sorting once): every split between two references, on every axis.
 
-use super::top_down::{Part, SERIAL, Split, stable_partition, top_down};
+use super::top_down::{Part, SERIAL, Split, in_range, stable_partition, top_down};
+use crate::stop::Stop;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
@@ -8,25 +9,31 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Builds a tree of one triangle per leaf on the CPU, with all threads of the current rayon pool; the tree does not depend on their
-/// number. Returns `nodes[2n-1]` for [`DeviceTree::upload`](super::DeviceTree::upload). `triangles` are finite and in the safe range
-/// (`crate::scene::SafeRange`).
+/// number. Returns `nodes[2n-1]` for [`DeviceTree::upload`](super::DeviceTree::upload). `triangles` are finite and of any size: the splits are
+/// those of their [working coordinates](crate::scene::SafeRange).
 ///
 /// The references are sorted by the centres of their boxes once per axis, equal ones by their number; a split keeps the three orders. Of
 /// equally good splits the one closest to the middle is taken, then the first axis.
-///
-/// # Panics
-/// If there are no triangles.
+/// Of no triangles there is no tree, and no nodes.
 #[must_use]
 pub fn sah_sweep(triangles: &[Triangle]) -> Vec<Node> {
-    assert!(!triangles.is_empty(), "a tree needs a triangle");
-    let boxes: Vec<Aabb> = triangles.par_iter().map(Triangle::aabb).collect();
+    sweep_until(triangles, None).unwrap_or_default()
+}
+
+/// [`sah_sweep`]; none of no triangles, or if an end was asked for.
+pub(crate) fn sweep_until(triangles: &[Triangle], stop: Option<&Stop>) -> Option<Vec<Node>> {
+    if triangles.is_empty() {
+        return None;
+    }
+    let split = in_range(triangles);
+    let boxes: Vec<Aabb> = split.par_iter().map(Triangle::aabb).collect();
     let is_left: Vec<AtomicBool> = boxes.iter().map(|_| AtomicBool::new(false)).collect();
     let mut orders = [0, 1, 2].map(|axis| sorted(&boxes, axis));
     let mut scratch = [0, 1, 2].map(|_| vec![0u32; boxes.len()]);
     let [x, y, z] = &mut orders;
     let [a, b, c] = &mut scratch;
     let axes = [Axis { ids: x, scratch: a }, Axis { ids: y, scratch: b }, Axis { ids: z, scratch: c }];
-    top_down(Sweep { boxes: &boxes, is_left: &is_left, axes }, triangles)
+    top_down(Sweep { boxes: &boxes, is_left: &is_left, axes }, triangles, stop)
 }
 
 fn sorted(boxes: &[Aabb], axis: usize) -> Vec<u32> {

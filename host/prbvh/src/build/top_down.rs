@@ -1,7 +1,12 @@
 //! Top-down building on the CPU, whatever splits the references.
 
+use crate::scene::SafeRange;
+use crate::stop::Stop;
+use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::node::{NO_NODE, Node, RIGHT};
 use prbvh_kernel::setup::Triangle;
+use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// References that become a subtree.
 pub(super) trait Part: Send + Sized {
@@ -19,16 +24,29 @@ pub(super) const SERIAL: usize = 4096;
 /// Deepest node below which two threads may go different ways: a tree may be as deep as it has references, the call stack not.
 const MOST_FORKS: u32 = 48;
 
+/// The triangles as they are split: scaled where areas could not be relied on otherwise.
+pub(super) fn in_range(triangles: &[Triangle]) -> Cow<'_, [Triangle]> {
+    let all = triangles.par_iter().map(Triangle::aabb).reduce(|| Aabb::EMPTY, Aabb::union);
+    match SafeRange::check(&all) {
+        Ok(()) => Cow::Borrowed(triangles),
+        Err(_) => Cow::Owned(SafeRange::of(triangles).apply(triangles)),
+    }
+}
+
 /// Splits `part` until each leaf holds one triangle. Nodes are numbered depth-first, parents before their children, so that the result
-/// does not depend on the threads.
-pub(super) fn top_down(part: impl Part, triangles: &[Triangle]) -> Vec<Node> {
+/// does not depend on the threads. None if an end was asked for.
+pub(super) fn top_down(part: impl Part, triangles: &[Triangle], stop: Option<&Stop>) -> Option<Vec<Node>> {
     let n = part.len();
     let mut nodes = vec![Node { min: [0.0; 3], up: NO_NODE, max: [0.0; 3], down: 0 }; 2 * n - 1];
     let (internal, leaves) = nodes.split_at_mut(n - 1);
     let root = Subtree { part, internal, internal_id: 0, leaves, leaf_id: n as u32 - 1, up: NO_NODE };
-    grow(root, MOST_FORKS);
+    let is_asked = || stop.is_some_and(Stop::is_asked);
+    grow(root, MOST_FORKS, &is_asked);
+    if is_asked() {
+        return None;
+    }
     fill_boxes(&mut nodes, triangles);
-    nodes
+    Some(nodes)
 }
 
 /// Computes all boxes of a tree whose internal nodes are numbered parents first.
@@ -96,10 +114,13 @@ impl<P: Part> Subtree<'_, P> {
     }
 }
 
-fn grow<P: Part>(subtree: Subtree<'_, P>, forks: u32) {
+fn grow<P: Part>(subtree: Subtree<'_, P>, forks: u32, is_asked: &(impl Fn() -> bool + Sync)) {
+    if is_asked() {
+        return;
+    }
     if forks > 0 && subtree.leaves.len() >= SERIAL {
         if let Some([left, right]) = subtree.plant() {
-            rayon::join(|| grow(left, forks - 1), || grow(right, forks - 1));
+            rayon::join(|| grow(left, forks - 1, is_asked), || grow(right, forks - 1, is_asked));
         }
         return;
     }

@@ -1,12 +1,19 @@
 //! From a tree to the threaded nodes of a device.
 
-use super::{Bvh, Content, NO_NODE};
+use super::validate::structure_faults;
+use super::{Bvh, Content, NO_NODE, TreeFault, summary};
 use prbvh_kernel::node::{Node, RIGHT};
 
 /// Why a tree has no form on a device.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EncodeError {
+    /// The links or the leaves are those of no tree.
+    #[error("no tree: {}", summary(.faults))]
+    Broken {
+        /// All faults.
+        faults: Vec<TreeFault>,
+    },
     /// A leaf holds several triangles.
     #[error(
         "the leaf at node {node} holds {triangles} triangles, but only trees of one triangle per leaf can be optimised"
@@ -24,11 +31,12 @@ impl Bvh {
     /// depth-first, parents before their children, and the leaves in the same walk, whatever numbers the tree has.
     ///
     /// # Errors
-    /// [`EncodeError::LeafSize`] at the first leaf of several triangles.
-    ///
-    /// # Panics
-    /// If the links are no tree.
+    /// [`EncodeError::Broken`], or [`EncodeError::LeafSize`] at the first leaf of several triangles.
     pub fn to_device(&self) -> Result<Vec<Node>, EncodeError> {
+        let faults = structure_faults(self);
+        if !faults.is_empty() {
+            return Err(EncodeError::Broken { faults });
+        }
         let walk = self.preorder();
         let internal = walk.len() as u32 / 2;
         let mut ids = vec![NO_NODE; self.nodes.len()];
@@ -92,6 +100,16 @@ mod tests {
     fn a_chain_does_not_overflow_the_stack() {
         let (_, nodes) = chain(100_000);
         assert_eq!(Bvh::from_device(&nodes).unwrap().to_device().unwrap().len(), nodes.len());
+    }
+
+    #[test]
+    fn a_broken_tree_is_named() {
+        let mut tree = tree(5, 1).1;
+        tree.nodes[1].parent = 7;
+        assert!(matches!(tree.to_device(), Err(EncodeError::Broken { faults }) if !faults.is_empty()));
+        tree.nodes.clear();
+        let faults = vec![TreeFault::NodeCount { nodes: 0 }];
+        assert_eq!(tree.to_device(), Err(EncodeError::Broken { faults }));
     }
 
     #[test]

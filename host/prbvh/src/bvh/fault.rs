@@ -209,6 +209,22 @@ pub enum TreeFault {
         /// The union.
         need: Aabb,
     },
+    /// The pieces of a triangle that is in several leaves do not span it.
+    #[error("triangle {triangle}: its pieces in the leaves span {have:?}, but its box is {need:?}")]
+    Uncovered {
+        /// The triangle.
+        triangle: u32,
+        /// What the pieces span.
+        have: Aabb,
+        /// Its box.
+        need: Aabb,
+    },
+    /// A leaf holds a triangle whose box is nowhere in the leaf's.
+    #[error("triangle {triangle}: a leaf that holds it lies apart from it")]
+    LeafApart {
+        /// The triangle.
+        triangle: u32,
+    },
 }
 
 /// A link of a node.

@@ -5,7 +5,7 @@
 //! | nodes of a device → tree | [`Bvh::from_device`] |
 //! | tree → nodes of a device | [`Bvh::to_device`] |
 //! | boxes of the original triangles | [`Bvh::with_boxes_of`] |
-//! | is it right? | [`validate`] |
+//! | is it right? | [`validate`]; with spatial splits [`validate_references`] |
 //! | is it good? | [`quality()`], [`epo()`] |
 //! | is it too deep? | [`bound_depth`] |
 //! | is it the same? | [`tree_hash`] |
@@ -25,6 +25,7 @@ mod layout;
 #[cfg(feature = "files")]
 mod parse;
 mod quality;
+mod references;
 mod refit;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -37,6 +38,8 @@ pub use epo::{Epo, EpoProgress, epo, epo_budget, epo_watched};
 pub use fault::{Link, TreeFault, summary};
 pub use hash::{topology_hash, tree_hash};
 pub use quality::{Quality, SahModel, quality};
+pub use references::validate_references;
+pub(crate) use references::{pieces, reference_faults};
 pub use validate::{TreeStats, links_and_leaves, validate};
 
 use prbvh_kernel::aabb::Aabb;

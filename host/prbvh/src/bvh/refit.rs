@@ -26,6 +26,20 @@ impl Bvh {
         }
         self
     }
+
+    /// The same tree with the boxes of internal nodes made anew from those of the leaves, which stay.
+    ///
+    /// # Panics
+    /// If the links are no tree.
+    #[must_use]
+    pub fn with_boxes_of_leaves(mut self) -> Self {
+        for &v in self.preorder().iter().rev() {
+            if let Content::Internal { left, right } = self.nodes[v as usize].content {
+                self.nodes[v as usize].aabb = self.nodes[left as usize].aabb.union(self.nodes[right as usize].aabb);
+            }
+        }
+        self
+    }
 }
 
 #[cfg(test)]

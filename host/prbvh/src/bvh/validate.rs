@@ -33,16 +33,7 @@ pub fn validate(tree: &Bvh, triangles: Option<&[Triangle]>) -> Result<TreeStats,
     if !tree.nodes.is_empty() {
         check.boxes(triangles);
     }
-    if check.faults.is_empty() {
-        Ok(TreeStats {
-            triangles: tree.triangle_order.len() as u32,
-            nodes: tree.nodes.len() as u32,
-            leaves: tree.nodes.iter().filter(|node| matches!(node.content, Content::Leaf { .. })).count() as u32,
-            max_depth: check.max_depth,
-        })
-    } else {
-        Err(check.faults)
-    }
+    check.finish()
 }
 
 /// The faults of links and leaves of a tree that is to hold `triangles` triangles, without boxes.
@@ -67,9 +58,12 @@ enum Visit {
     Done,
 }
 
-struct Check<'a> {
+pub(super) struct Check<'a> {
     tree: &'a Bvh,
     triangles: usize,
+    /// Whether a triangle may be in several leaves, and whether one may be in none.
+    may_repeat: bool,
+    may_miss: bool,
     faults: Vec<TreeFault>,
     visits: Vec<Visit>,
     max_depth: u32,
@@ -79,14 +73,38 @@ struct Check<'a> {
 
 impl<'a> Check<'a> {
     fn new(tree: &'a Bvh, triangles: usize) -> Self {
-        Self { tree, triangles, faults: Vec::new(), visits: Vec::new(), max_depth: 0, sound_leaf: Vec::new() }
+        let (faults, visits, sound_leaf) = (Vec::new(), Vec::new(), Vec::new());
+        Self { tree, triangles, may_repeat: false, may_miss: false, faults, visits, max_depth: 0, sound_leaf }
+    }
+
+    /// Triangles may be in several leaves.
+    pub(super) fn with_repeats(tree: &'a Bvh, triangles: usize) -> Self {
+        Self { may_repeat: true, ..Self::new(tree, triangles) }
+    }
+
+    /// The same, and in none.
+    pub(super) fn with_repeats_and_gaps(tree: &'a Bvh, triangles: usize) -> Self {
+        Self { may_miss: true, ..Self::with_repeats(tree, triangles) }
+    }
+
+    pub(super) fn finish(self) -> Result<TreeStats, Vec<TreeFault>> {
+        let nodes = &self.tree.nodes;
+        if !self.faults.is_empty() {
+            return Err(self.faults);
+        }
+        Ok(TreeStats {
+            triangles: self.tree.triangle_order.len() as u32,
+            nodes: nodes.len() as u32,
+            leaves: nodes.iter().filter(|node| matches!(node.content, Content::Leaf { .. })).count() as u32,
+            max_depth: self.max_depth,
+        })
     }
 
     fn count(&self) -> u32 {
         self.tree.nodes.len() as u32
     }
 
-    fn structure(&mut self) {
+    pub(super) fn structure(&mut self) {
         let nodes = self.tree.nodes.len();
         if nodes == 0 || nodes >= RIGHT as usize {
             self.faults.push(TreeFault::NodeCount { nodes });
@@ -226,7 +244,7 @@ impl<'a> Check<'a> {
             } else if let Some(leaf) = leaf_of.get_mut(triangle as usize) {
                 if *leaf == NO_NODE {
                     *leaf = node;
-                } else {
+                } else if !self.may_repeat {
                     self.faults.push(TreeFault::TriangleTwice { triangle, first: *leaf, second: node });
                 }
             } else {
@@ -234,20 +252,40 @@ impl<'a> Check<'a> {
                 self.sound_leaf[node as usize] = false;
             }
         }
+        if self.may_miss {
+            return;
+        }
         let missing = (0..self.triangles as u32).filter(|&triangle| leaf_of[triangle as usize] == NO_NODE);
         self.faults.extend(missing.map(|triangle| TreeFault::TriangleMissing { triangle }));
     }
 
-    fn boxes(&mut self, triangles: Option<&[Triangle]>) {
+    /// Boxes of leaves that are none.
+    pub(super) fn leaf_boxes(&mut self) {
+        for (v, node) in (0..).zip(&self.tree.nodes) {
+            if matches!(node.content, Content::Leaf { .. }) {
+                self.own_box(v, node.aabb);
+            }
+        }
+    }
+
+    /// Whether the box of `v` is finite; a fault if not, or if it is inverted.
+    fn own_box(&mut self, v: u32, aabb: Aabb) -> bool {
+        if !finite(&aabb) {
+            self.faults.push(TreeFault::NotFinite { node: v, aabb });
+            return false;
+        }
+        if (0..3).any(|k| aabb.min[k] > aabb.max[k]) {
+            self.faults.push(TreeFault::Inverted { node: v, aabb });
+        }
+        true
+    }
+
+    pub(super) fn boxes(&mut self, triangles: Option<&[Triangle]>) {
         let nodes = &self.tree.nodes;
         for (v, node) in (0..).zip(nodes) {
             let have = node.aabb;
-            if !finite(&have) {
-                self.faults.push(TreeFault::NotFinite { node: v, aabb: have });
+            if !self.own_box(v, have) {
                 continue;
-            }
-            if (0..3).any(|k| have.min[k] > have.max[k]) {
-                self.faults.push(TreeFault::Inverted { node: v, aabb: have });
             }
             match node.content {
                 Content::Internal { left, right } => {

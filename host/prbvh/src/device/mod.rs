@@ -1,7 +1,11 @@
 //! Where kernels run. An algorithm records dispatches ([`Recording`]) and hands them to a [`Device`]; it never knows which.
+//!
+//! Threads are started by [`cpu::CpuDevice::new`] alone, as many as it is asked for; [`cpu::CpuDevice::in_pool`] has those of a rayon pool of the caller's.
+//! What is done on the host for a device runs on its threads ([`Device::run_on_host`]): those of a CPU device, of a GPU those of the current rayon pool.
 
 mod choice;
 pub mod cpu;
+mod held;
 mod layer;
 mod lease;
 mod meter;
@@ -15,6 +19,7 @@ pub mod vulkan;
 mod watched;
 
 pub use choice::{DeviceChoice, NoSuchChoice, Selection};
+pub use held::Held;
 pub use layer::Layer;
 pub(crate) use lease::Lease;
 pub use meter::Meter;
@@ -22,8 +27,11 @@ pub use open::open;
 pub(crate) use pieces::read_pieces;
 pub use record::{Buffer, Command, Counted, Dispatch, Recording};
 pub use stoppable::Stoppable;
+pub(crate) use stoppable::StoppableLoan;
 pub use traffic::Traffic;
 pub(crate) use watched::Watched;
+
+use crate::scene::OutOfRange;
 
 /// Runs recordings on buffers that it owns.
 pub trait Device {
@@ -211,6 +219,9 @@ pub enum DeviceError {
         /// What is wrong.
         problem: String,
     },
+    /// Triangles with coordinates that are too small or too large.
+    #[error(transparent)]
+    Range(#[from] OutOfRange),
     /// A kernel did not do what it must.
     #[error("{kernel} on {device}: {problem}")]
     Kernel {
@@ -240,4 +251,18 @@ pub enum DeviceError {
     /// The validation layer found fault.
     #[error("Vulkan validation: {0}")]
     Validation(String),
+}
+
+impl Buffer {
+    /// What a device says that does not have it.
+    fn not_here(&self) -> DeviceError {
+        let problem = "it is not, or no longer, a buffer of this device".to_owned();
+        DeviceError::Buffer { label: self.label, problem }
+    }
+
+    /// What a device says if it is to give or take more than it holds.
+    fn too_short(&self, bytes: usize) -> DeviceError {
+        let problem = format!("{bytes} bytes wanted, but it has {}", self.bytes());
+        DeviceError::Buffer { label: self.label, problem }
+    }
 }

@@ -1,12 +1,13 @@
 //! A list of commands for a device.
 
 use prbvh_kernel::Kernel;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Handle of a buffer on a device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Buffer {
-    /// Number of the buffer on its device.
-    pub id: u32,
+    /// Number of the buffer: no other one in the process has it, on whatever device.
+    pub id: u64,
     /// What it holds.
     pub label: &'static str,
     /// Elements.
@@ -16,6 +17,13 @@ pub struct Buffer {
 }
 
 impl Buffer {
+    /// The handle of a new buffer: for whoever makes a device.
+    #[must_use]
+    pub fn new(label: &'static str, length: usize, element_bytes: usize) -> Self {
+        static NEXT: AtomicU64 = AtomicU64::new(0);
+        Self { id: NEXT.fetch_add(1, Ordering::Relaxed), label, length, element_bytes }
+    }
+
     /// Size in bytes.
     #[must_use]
     pub fn bytes(&self) -> u64 {
@@ -23,7 +31,6 @@ impl Buffer {
     }
 
     /// Whether both are handles of the same buffer, whatever its elements.
-    #[cfg(feature = "vulkan")]
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         (self.id, self.label, self.bytes()) == (other.id, other.label, other.bytes())
     }
@@ -80,6 +87,19 @@ pub enum Command {
         /// How many.
         bytes: usize,
     },
+}
+
+impl Command {
+    /// The buffers that it needs.
+    pub(crate) fn buffers(&self) -> impl Iterator<Item = &Buffer> {
+        let (bound, counted, others): (&[Buffer], _, _) = match self {
+            Self::Dispatch(dispatch) => (&dispatch.buffers, dispatch.counted.as_ref(), [None, None]),
+            Self::Clear(buffer) => (&[], None, [Some(buffer), None]),
+            Self::Copy { from, to } => (&[], None, [Some(from), Some(to)]),
+            Self::Fetch { from, .. } => (&[], None, [Some(from), None]),
+        };
+        bound.iter().chain(counted.map(|counted| &counted.buffer)).chain(others.into_iter().flatten())
+    }
 }
 
 /// Commands, each with the label under which its time is reported.

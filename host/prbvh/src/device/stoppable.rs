@@ -1,7 +1,54 @@
 //! A device that refuses work once an end is asked for.
 
-use super::{Device, DeviceError, Recording, Timing};
+use super::{Device, DeviceError, DeviceKind, Recording, Timing};
 use crate::stop::Stop;
+
+/// Runs a recording unless an end is asked for. Where a CPU runs it, that is asked before each command: a single one may take as long as a GPU takes for
+/// the whole.
+fn run_until(device: &mut dyn Device, recording: &Recording, stop: &Stop) -> Result<Vec<Timing>, DeviceError> {
+    let go_on = || if stop.is_asked() { Err(DeviceError::Stopped) } else { Ok(()) };
+    go_on()?;
+    if device.info().kind == DeviceKind::VulkanGpu {
+        return device.run(recording);
+    }
+    let mut timings = Vec::with_capacity(recording.commands().len());
+    for (label, command) in recording.commands() {
+        go_on()?;
+        let mut one = Recording::new();
+        one.add(label, command.clone());
+        timings.extend(device.run(&one)?);
+    }
+    Ok(timings)
+}
+
+/// As [`Stoppable`] a device that is lent, for a stop that there may be.
+pub(crate) struct StoppableLoan<'a> {
+    device: &'a mut dyn Device,
+    stop: Option<Stop>,
+}
+
+impl<'a> StoppableLoan<'a> {
+    pub(crate) fn new(device: &'a mut dyn Device, stop: Option<Stop>) -> Self {
+        Self { device, stop }
+    }
+}
+
+impl super::Layer for StoppableLoan<'_> {
+    fn inner(&self) -> &dyn Device {
+        self.device
+    }
+
+    fn inner_mut(&mut self) -> &mut dyn Device {
+        self.device
+    }
+
+    fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
+        match &self.stop {
+            Some(stop) => run_until(self.device, recording, stop),
+            None => self.device.run(recording),
+        }
+    }
+}
 
 /// Passes everything on to a device, but runs nothing once somebody asked for an end: so work of many recordings ends with the one that runs, and whoever
 /// made it gives back what it holds, as after any error. What is to end with a result asks by itself ([`crate::optimize::Limits::stop`]).
@@ -29,7 +76,7 @@ impl super::Layer for Stoppable {
     }
 
     fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
-        if self.stop.is_asked() { Err(DeviceError::Stopped) } else { self.device.run(recording) }
+        run_until(&mut *self.device, recording, &self.stop)
     }
 }
 

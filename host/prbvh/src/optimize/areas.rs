@@ -1,5 +1,6 @@
 //! Sums of the areas of a tree, from which its SAH cost is made.
 
+use super::OptimizeError;
 use crate::build::{DeviceTree, Scratch, arrivals_length, record_refit};
 use crate::bvh::SahModel;
 use crate::device::{Buffer, Device, DeviceError, Lease, Recording, Timing};
@@ -39,8 +40,15 @@ impl TreeAreas {
 /// The sums of the areas of a tree whose boxes are right, as its builder left them.
 ///
 /// # Errors
-/// If the device fails.
-pub fn measure(device: &mut dyn Device, tree: &DeviceTree) -> Result<(TreeAreas, Vec<Timing>), DeviceError> {
+/// If [`DeviceTree::check`] finds fault with the tree, or the device fails.
+pub fn measure(device: &mut dyn Device, tree: &DeviceTree) -> Result<(TreeAreas, Vec<Timing>), OptimizeError> {
+    tree.check(device)?;
+    Ok(measure_unchecked(device, tree)?)
+}
+
+/// [`measure`] of a tree that this library made.
+#[doc(hidden)]
+pub fn measure_unchecked(device: &mut dyn Device, tree: &DeviceTree) -> Result<(TreeAreas, Vec<Timing>), DeviceError> {
     let device = &mut Lease::new(device);
     let mut scratch = Scratch::default();
     let report = scratch.allocate(device, "report", REPORT_WORDS as usize, 4)?;
@@ -119,7 +127,7 @@ impl Measure {
     }
 
     /// All sums after what is recorded.
-    fn areas(
+    pub(super) fn areas(
         &mut self,
         device: &mut dyn Device,
         mut recording: Recording,

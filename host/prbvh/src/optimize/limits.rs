@@ -10,12 +10,14 @@ use std::time::Duration;
 pub struct Limits {
     /// Most iterations.
     pub max_iterations: u32,
-    /// No iteration starts after this wall time.
+    /// No iteration starts after this wall time since the optimiser began; of a [pipeline](crate::pipeline) since that began. A tree that is being built by
+    /// then is built: it is the least that can be handed out.
     #[cfg_attr(feature = "serde", serde(rename = "max_time_s", with = "crate::written::seconds"))]
     pub max_time: Option<Duration>,
     /// No iteration starts once a tree has this cost or less; unitless, as [`IterationRow::cost`](super::IterationRow::cost).
     pub target_cost: Option<f64>,
-    /// No iteration starts once this is asked for; a new top that is being made is the last.
+    /// No iteration starts once this is asked for; a new top that is being made is the last. A [pipeline](crate::pipeline) that is asked before there is a
+    /// tree ends soon without one, with an error.
     #[cfg_attr(feature = "serde", serde(skip))]
     pub stop: Option<Stop>,
 }
@@ -38,7 +40,7 @@ impl Limits {
     }
 
     /// Whether the caller wants an end, or iterations or time are used up.
-    pub(super) fn used_up(&self, iterations: u32, elapsed: Duration) -> Option<StopReason> {
+    pub(crate) fn used_up(&self, iterations: u32, elapsed: Duration) -> Option<StopReason> {
         if self.is_stopped() {
             Some(StopReason::Cancelled)
         } else if iterations >= self.max_iterations {
@@ -66,22 +68,19 @@ pub enum StopReason {
     Target,
     /// The caller asked to stop.
     Cancelled,
-    /// A kernel reported a fault; the best tree before it was kept.
-    Fault(u32),
     /// There was no optimiser to run.
     NoOptimizer,
 }
 
 impl std::fmt::Display for StopReason {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Converged => f.write_str("converged"),
-            Self::MaxIterations => f.write_str("iteration limit"),
-            Self::MaxTime => f.write_str("time limit"),
-            Self::Target => f.write_str("target cost reached"),
-            Self::Cancelled => f.write_str("cancelled"),
-            Self::NoOptimizer => f.write_str("no optimiser"),
-            Self::Fault(bits) => write!(f, "fault {bits:#x} in a kernel"),
-        }
+        f.write_str(match self {
+            Self::Converged => "converged",
+            Self::MaxIterations => "iteration limit",
+            Self::MaxTime => "time limit",
+            Self::Target => "target cost reached",
+            Self::Cancelled => "cancelled",
+            Self::NoOptimizer => "no optimiser",
+        })
     }
 }

@@ -1,27 +1,37 @@
 //! The optimisers: rounds of PRBVH until nothing is gained, and sequential RBVH to compare with; the best tree is kept.
 
 mod areas;
+mod check;
 mod current;
+mod error;
 mod ledger;
 mod limits;
+mod lists;
 mod moves;
 mod new_top;
 mod pace;
 mod prbvh;
 mod published;
 mod rbvh;
+mod reoptimize;
 mod row;
 mod schedule;
 mod session;
 mod worst_first;
 
+#[doc(hidden)]
+pub use areas::measure_unchecked;
 pub use areas::{TreeAreas, measure};
 pub use current::{CurrentTree, DualRound};
+pub use error::OptimizeError;
 pub use limits::{Limits, StopReason};
 pub use moves::Strategy;
+#[doc(hidden)]
+pub use prbvh::prbvh_unchecked;
 pub use prbvh::{prbvh, prbvh_from};
 pub(crate) use rbvh::rbvh_of;
 pub use rbvh::{RbvhSettings, RbvhTree, rbvh};
+pub use reoptimize::{Budget, ReoptimizeError, Reoptimizer, Shapes, Step};
 pub use schedule::{Epsilon, Order, PrbvhSettings, WorstFirst};
 pub use session::Outcome;
 

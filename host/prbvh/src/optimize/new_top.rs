@@ -8,6 +8,7 @@ use super::session::{Observe, Outcome, Session};
 use super::{Limits, PrbvhSettings, TreeAreas, WorstFirst};
 use crate::build::{self, CodeCensus, DeviceTree, MortonBits, Scratch};
 use crate::device::{Buffer, Device, DeviceError, Recording, on_host, read_pieces};
+use crate::scene::stand_in;
 use bytemuck::Zeroable;
 use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
@@ -112,8 +113,7 @@ impl Top {
         let children = left.into_iter().zip(of_left).chain(right.into_iter().zip(of_right));
         let below = children.filter(|(v, _)| nodes.binary_search(v).is_err());
         let (leaves, boxes): (Vec<u32>, Vec<Node>) = below.unzip();
-        let triangle = |Aabb { min, max }| Triangle { a: min, b: max, c: min };
-        let triangles = boxes.iter().map(|node| triangle(node.aabb())).collect();
+        let triangles = boxes.iter().map(|node| stand_in(&node.aabb())).collect();
         Ok(Self { area: area(&own), nodes, leaves, triangles })
     }
 
@@ -130,7 +130,8 @@ impl Top {
         let tree = match start {
             Start::Lbvh => {
                 let all = triangles.iter().fold(Aabb::EMPTY, |all, triangle| all.union(triangle.aabb()));
-                let codes = CodeCensus::of(triangles, all.min, all.max).enough(MortonBits::default());
+                let census = on_host(device, || CodeCensus::of(triangles, all.min, all.max));
+                let codes = census.enough(MortonBits::default());
                 let (tree, timings) = build::lbvh(device, triangles, codes)?;
                 session.take_note(timings);
                 tree

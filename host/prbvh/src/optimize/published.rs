@@ -2,7 +2,7 @@
 
 use super::ledger::Ledger;
 use super::pace::{MOST_AT_ONCE, Pace};
-use super::session::{Observe, Outcome, Session};
+use super::session::{Observe, Outcome, Session, no_fault};
 use super::{Epsilon, PrbvhSettings, StopReason, Strategy, TreeAreas};
 use crate::build::DeviceTree;
 use crate::device::{Device, DeviceError, Recording};
@@ -11,7 +11,7 @@ use prbvh_kernel::prbvh::worst::RoundParams;
 use prbvh_kernel::prbvh::worst::books::{BEGIN, CLOSE, RESUME};
 use prbvh_kernel::prbvh::worst::verdict::{JUDGES, PUBLISHED};
 use prbvh_kernel::prbvh::{CONSERVATIVE, PrbvhParams};
-use prbvh_kernel::status::{AT_FAULT, GOES_ON, MU, REPORT_WORDS, SEARCHED, SETTLED};
+use prbvh_kernel::status::{FAULTS, GOES_ON, MU, REPORT_WORDS, SEARCHED, SETTLED, VERDICT};
 
 pub(super) fn run(
     device: &mut dyn Device,
@@ -22,17 +22,18 @@ pub(super) fn run(
 ) -> Result<Outcome, DeviceError> {
     let mut session = Session::new(device, tree, DeviceTree::node_count(tree.references), MOST_AT_ONCE)?;
     let working_bytes = device.memory().bytes;
-    let (areas, faults) = session.begin(device, areas, settings.mu.max(1))?;
+    let areas = session.begin(device, areas, settings.mu.max(1))?;
     let mut ledger = Ledger::new(areas, tree.references);
-    let stop = if faults == 0 {
-        iterate(&mut session, device, &mut ledger, settings, observe)?
-    } else {
-        StopReason::Fault(faults)
-    };
+    let stop = iterate(&mut session, device, &mut ledger, settings, observe)?;
     // Without an iteration the tree is as it was, and none is kept.
-    let is_best = session.row().cost <= ledger.best_cost && !matches!(stop, StopReason::Fault(_));
-    let faults = if session.has_moved { settle(&mut session, device, is_best)? } else { None };
-    Ok(session.finish(device, faults.map_or(stop, StopReason::Fault), working_bytes))
+    if session.rows.len() > 1 {
+        if session.row().cost <= ledger.best_cost {
+            session.refit_all(device)?;
+        } else {
+            session.restore_best(device)?;
+        }
+    }
+    Ok(session.finish(device, stop, working_bytes))
 }
 
 /// Iterations until the rule or a limit ends them.
@@ -88,17 +89,18 @@ fn iterate(
         pace.note(reports.len(), searched, session.elapsed_s() - start);
         let mut verdict = GOES_ON;
         for (report, clock) in reports {
-            verdict = session.push_round(&report, report[MU], ledger, clock);
+            no_fault(device, report[FAULTS])?;
+            session.push_round(&report, report[MU], ledger, clock);
+            verdict = report[VERDICT];
         }
         // The tree is that of the last row.
         if session.observe_rows(done, device, observe).is_break() {
             return Ok(StopReason::Cancelled);
         }
-        match verdict {
-            AT_FAULT => return Ok(StopReason::Fault(session.faults)),
-            SETTLED => return Ok(StopReason::Converged),
-            _ => page = if verdict == GOES_ON { CLOSE } else { RESUME },
+        if verdict == SETTLED {
+            return Ok(StopReason::Converged);
         }
+        page = if verdict == GOES_ON { CLOSE } else { RESUME };
     }
 }
 
@@ -118,16 +120,4 @@ fn record_iteration(session: &Session<'_>, recording: &mut Recording, params: &P
     moves.record_reinsert(recording, params);
     moves.dispatch(recording, "refit", Kernel::PrbvhMark, params, &[found, nodes, ways, report]);
     moves.dispatch(recording, "refit", Kernel::PrbvhRefit, params, &[found, nodes, ways, report]);
-}
-
-/// Leaves the best tree, with all boxes made anew; returns the faults if that shows that the last one is no tree.
-fn settle(session: &mut Session<'_>, device: &mut dyn Device, is_best: bool) -> Result<Option<u32>, DeviceError> {
-    let mut faults = 0;
-    if is_best {
-        faults = session.refit_all(device)?;
-    }
-    if !is_best || faults != 0 {
-        session.restore_best(device)?;
-    }
-    Ok((faults != 0).then_some(faults))
 }

@@ -8,7 +8,8 @@ use crate::build::{DeviceTree, Scratch};
 use crate::device::{Device, DeviceError, Recording, Timing};
 use prbvh_kernel::prbvh::worst::books::EPOCH;
 use prbvh_kernel::status::{
-    APPLIED, AT_FAULT, FAULTS, FOUND, GOES_ON, MOST_STEPS, OWNED, PREDICTED, REPORT_WORDS, SEARCHED, VERDICT, VISITS,
+    APPLIED, FAULT_BROKEN_TREE, FAULT_SEARCH_STEPS, FAULT_TREELET, FAULTS, FOUND, GOES_ON, MOST_STEPS, OWNED,
+    PREDICTED, REPORT_WORDS, SEARCHED, VERDICT, VISITS,
 };
 use prbvh_kernel::sum;
 use std::ops::ControlFlow;
@@ -52,6 +53,22 @@ pub(super) struct Clock {
     device_s: f64,
 }
 
+/// # Errors
+/// With the faults of a report, if it has any.
+pub(super) fn no_fault(device: &dyn Device, faults: u32) -> Result<(), DeviceError> {
+    let meanings = [
+        (FAULT_SEARCH_STEPS, "a search did not end as it must"),
+        (FAULT_BROKEN_TREE, "the links are no tree"),
+        (FAULT_TREELET, "the work on a treelet did not end"),
+    ];
+    let told: Vec<&str> = meanings.iter().filter(|(bit, _)| faults & bit != 0).map(|(_, meaning)| *meaning).collect();
+    if faults == 0 {
+        return Ok(());
+    }
+    let problem = format!("fault {faults:#x}: {}", told.join(", "));
+    Err(DeviceError::Kernel { kernel: "the optimiser", problem, device: device.info().name.clone() })
+}
+
 /// A run on a device, whatever the order.
 #[derive(Debug)]
 pub(super) struct Session<'a> {
@@ -62,10 +79,6 @@ pub(super) struct Session<'a> {
     pub(super) moves: Moves,
     pub(super) measure: Measure,
     pub(super) rows: Vec<IterationRow>,
-    /// Whether rounds ran.
-    pub(super) has_moved: bool,
-    /// Of the round that ended a run by faults.
-    pub(super) faults: u32,
     start: Instant,
     timings: Vec<Timing>,
     device_s: f64,
@@ -90,27 +103,27 @@ impl<'a> Session<'a> {
             moves,
             measure,
             rows: Vec::new(),
-            has_moved: false,
-            faults: 0,
             start: Instant::now(),
             timings: Vec::new(),
             device_s: 0.0,
         })
     }
 
-    /// Measures the tree and makes row 0; returns the faults of a tree that is none.
+    /// Measures the tree and makes row 0.
     pub(super) fn begin(
         &mut self,
         device: &mut dyn Device,
         areas: Option<TreeAreas>,
         mu: u32,
-    ) -> Result<(TreeAreas, u32), DeviceError> {
-        let (areas, faults) = match areas {
-            Some(areas) => (areas, 0),
+    ) -> Result<TreeAreas, DeviceError> {
+        let areas = match areas {
+            Some(areas) => areas,
             None => {
                 let (areas, timings) = self.measure.refitted_areas(device)?;
                 self.take_note(timings);
-                (areas, self.report(device)?[FAULTS])
+                let report = self.report(device)?;
+                no_fault(device, report[FAULTS])?;
+                areas
             }
         };
         self.rows.push(IterationRow {
@@ -120,7 +133,7 @@ impl<'a> Session<'a> {
             cost: areas.cost(self.tree.references),
             ..IterationRow::default()
         });
-        Ok((areas, faults))
+        Ok(areas)
     }
 
     pub(super) fn elapsed_s(&self) -> f64 {
@@ -159,7 +172,6 @@ impl<'a> Session<'a> {
         recording.fetch("search", &self.moves.report, 4 * words.len());
         // For whoever restores the best tree after these.
         recording.fetch("search", &self.moves.books, 4 * (EPOCH + 1));
-        self.has_moved = true;
         let timings = device.run(&recording)?;
         device.download(&self.moves.report, bytemuck::cast_slice_mut(&mut words))?;
         // Those after the end of the rounds were not made.
@@ -213,15 +225,10 @@ impl<'a> Session<'a> {
         self.rows.push(row);
     }
 
-    /// Adds the row of a round, if it left a tree; returns how the rounds go on.
-    pub(super) fn push_round(&mut self, report: &Report, mu: u32, ledger: &mut Ledger, clock: Clock) -> u32 {
-        if report[VERDICT] == AT_FAULT {
-            self.faults = report[FAULTS];
-        } else {
-            let cost = ledger.note(report);
-            self.push_row(report, mu, cost, &ledger.areas, ledger.scale, clock);
-        }
-        report[VERDICT]
+    /// Adds the row of a round.
+    pub(super) fn push_round(&mut self, report: &Report, mu: u32, ledger: &mut Ledger, clock: Clock) {
+        let cost = ledger.note(report);
+        self.push_row(report, mu, cost, &ledger.areas, ledger.scale, clock);
     }
 
     /// Shows the rows after iteration `done`.
@@ -270,15 +277,16 @@ impl<'a> Session<'a> {
         self.submit(device, &recording)
     }
 
-    /// Makes all boxes anew; returns the faults of a tree that is none.
-    pub(super) fn refit_all(&mut self, device: &mut dyn Device) -> Result<u32, DeviceError> {
+    /// Makes all boxes anew, and sees to it that the tree is one.
+    pub(super) fn refit_all(&mut self, device: &mut dyn Device) -> Result<(), DeviceError> {
         let mut recording = Recording::new();
         recording.clear("refit", &self.moves.report);
         self.measure.record_refit(&mut recording);
         self.measure.record_internal(&mut recording);
         recording.fetch("refit", &self.moves.report, size_of::<Report>());
         self.submit(device, &recording)?;
-        Ok(self.report(device)?[FAULTS])
+        let report = self.report(device)?;
+        no_fault(device, report[FAULTS])
     }
 
     /// Gives the memory back.

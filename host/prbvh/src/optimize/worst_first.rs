@@ -2,26 +2,19 @@
 //! [tops](super::new_top); the broad tail at the end.
 
 use super::ledger::Ledger;
+use super::lists::{FIRST_STAGES, Lists, Of, POOL, Trial};
 use super::new_top;
 use super::pace::{MOST_AT_ONCE, Pace};
-use super::session::{Observe, Outcome, Session};
+use super::session::{Observe, Outcome, Session, no_fault};
 use super::{PrbvhSettings, StopReason, TreeAreas, WorstFirst};
 use crate::build::DeviceTree;
-use crate::device::{Buffer, Device, DeviceError, Recording};
-use prbvh_kernel::Kernel;
-use prbvh_kernel::prbvh::dual::search::{DualParams, TO_THE_ROOT};
+use crate::device::{Device, DeviceError, Recording};
+use prbvh_kernel::prbvh::dual::search::TO_THE_ROOT;
 use prbvh_kernel::prbvh::worst::RoundParams;
-use prbvh_kernel::prbvh::worst::books::{
-    BEGIN, BEST, CLOSE, LIST, MOST_STAGES, OVER_FRINGE, OVER_LIST, OVER_POOL, RESUME, WORST,
-};
+use prbvh_kernel::prbvh::worst::books::{BEGIN, BEST, CLOSE, MOST_STAGES, RESUME};
 use prbvh_kernel::prbvh::worst::verdict::{DECIDES, JUDGES};
-use prbvh_kernel::prbvh::{DUAL, PrbvhParams, ROUNDS};
-use prbvh_kernel::status::{AT_FAULT, GOES_ON, NOTHING_FOUND, REPORT_WORDS, SETTLED};
+use prbvh_kernel::status::{FAULTS, GOES_ON, NOTHING_FOUND, REPORT_WORDS, SETTLED, VERDICT};
 
-/// Stages that unfold before the first round: nodes of a sixty-fourth of the root's area.
-const FIRST_STAGES: u32 = 4;
-/// As many times the nodes of a round should be in the pool: to look at a key costs little beside a search.
-const POOL: u32 = 16;
 /// The search may end after so many rounds, then after so many more, and so on; after each, in the end. The first ones are short.
 const TOGETHER: [u32; 4] = [6, 4, 3, 2];
 /// As many times the gain that counts after new tops counts before them.
@@ -37,41 +30,13 @@ pub(super) fn run(
     observe: Observe<'_>,
 ) -> Result<Outcome, DeviceError> {
     let mut session = Session::new(device, tree, tree.references - 1, MOST_AT_ONCE)?;
-    let lists = Lists::new(device, &mut session)?;
+    let lists = Lists::new(device, &mut session.scratch, session.internal)?;
     let working_bytes = device.memory().bytes;
-    let (areas, faults) = session.begin(device, areas, 1)?;
+    let areas = session.begin(device, areas, 1)?;
     let mut rounds = Rounds { lists, ledger: Ledger::new(areas, tree.references), pace: Pace::new(settings.news) };
-    let stop =
-        if faults == 0 { rounds.run(&mut session, device, settings, observe)? } else { StopReason::Fault(faults) };
-    // A tree that is none was never a best one, unless it came so.
-    if matches!(stop, StopReason::Fault(_)) && faults == 0 {
-        session.restore_best(device)?;
-    } else {
-        rounds.restore_if_worse(&mut session, device)?;
-    }
+    let stop = rounds.run(&mut session, device, settings, observe)?;
+    rounds.restore_if_worse(&mut session, device)?;
     Ok(session.finish(device, stop, working_bytes))
-}
-
-/// Buffers of the order.
-#[derive(Debug)]
-struct Lists {
-    keys: Buffer,
-    pool: Buffer,
-    fringe: Buffer,
-    list: Buffer,
-}
-
-impl Lists {
-    fn new(device: &mut dyn Device, session: &mut Session<'_>) -> Result<Self, DeviceError> {
-        let places = session.internal.max(1) as usize;
-        let mut buffer = |label, length| session.scratch.allocate(device, label, length, 4);
-        Ok(Self {
-            keys: buffer("keys", places)?,
-            pool: buffer("pool", 2 * places)?,
-            fringe: buffer("fringe", 2 * places)?,
-            list: buffer("list", places)?,
-        })
-    }
 }
 
 /// How a part of the run searches.
@@ -80,9 +45,7 @@ struct Search {
     /// Nodes of the first round; each has more by the growth, up to the most.
     first: f64,
     most: f64,
-    both_orders: bool,
-    climb: u32,
-    slack: f32,
+    trial: Trial,
     /// As [`WorstFirst::settles`].
     settles: f64,
 }
@@ -156,7 +119,7 @@ impl Rounds {
         settings: &PrbvhSettings,
         observe: Observe<'_>,
     ) -> Result<StopReason, DeviceError> {
-        let WorstFirst { first, most_part, tail_part, climb, slack, .. } = settings.worst_first;
+        let WorstFirst { first, most_part, tail_part, climb, slack, lock_rounds, .. } = settings.worst_first;
         let internal = session.internal;
         let part = |part: f64| (part * f64::from(internal)).max(f64::from(first));
         let initial_cost = self.ledger.best_cost;
@@ -165,9 +128,7 @@ impl Rounds {
         let worst = Search {
             first: first.into(),
             most: part(most_part),
-            both_orders: false,
-            climb: climb.min(TO_THE_ROOT),
-            slack,
+            trial: Trial { both_orders: false, climb, slack, lock_rounds },
             settles,
         };
         // What a new top will change need not be perfect.
@@ -189,7 +150,8 @@ impl Rounds {
         }
         if tail_part > 0.0 {
             let most = part(tail_part);
-            let all = Search { first: most, most, both_orders: true, climb: TO_THE_ROOT, slack: 0.0, settles };
+            let trial = Trial { both_orders: true, climb: TO_THE_ROOT, slack: 0.0, lock_rounds };
+            let all = Search { first: most, most, trial, settles };
             if let Some(stop) = self.search(session, device, settings, observe, all)? {
                 return Ok(stop);
             }
@@ -213,11 +175,12 @@ impl Rounds {
         let params = RoundParams { pool: nodes, ..self.params(session, settings) };
         let mut recording = Recording::new();
         recording.clear("select", &session.moves.report);
-        self.record_begin(session, &mut recording, &params, true, MOST_STAGES + 1);
+        self.lists.record_forget(&mut recording);
+        self.lists.record_begin(of(session), &mut recording, &params, MOST_STAGES + 1);
         session.submit(device, &recording)?;
         let mut renewed = new_top::renew(session, device, &self.lists.keys, settings, run)?;
         let mut recording = std::mem::take(&mut renewed.graft);
-        self.page(session, &mut recording, &params, BEST);
+        self.lists.record_page(of(session), &mut recording, &params, BEST);
         session.submit(device, &recording)?;
 
         let cost = self.ledger.note_beside(renewed.decrease);
@@ -242,7 +205,7 @@ impl Rounds {
         observe: Observe<'_>,
         search: Search,
     ) -> Result<Option<StopReason>, DeviceError> {
-        let WorstFirst { growth, patience, lock_rounds, .. } = settings.worst_first;
+        let WorstFirst { growth, patience, .. } = settings.worst_first;
         let rule = RoundParams {
             broad: (0.5 * search.most).ceil() as u32,
             patience: patience.max(1),
@@ -267,7 +230,7 @@ impl Rounds {
             let mut recording = Recording::new();
             recording.clear("select", &session.moves.report);
             if page == RESUME {
-                self.page(session, &mut recording, &RoundParams { page, ..rule }, RESUME);
+                self.lists.record_page(of(session), &mut recording, &rule, RESUME);
             }
             let mut ends = Vec::new();
             for (k, round) in (0..).zip(&rounds) {
@@ -278,11 +241,14 @@ impl Rounds {
                     ..rule
                 };
                 if page == BEGIN && k == 0 {
-                    self.record_begin(session, &mut recording, &params, done > 0, FIRST_STAGES);
+                    if done > 0 {
+                        self.lists.record_forget(&mut recording);
+                    }
+                    self.lists.record_begin(of(session), &mut recording, &params, FIRST_STAGES);
                 }
                 let decides = if round.decides { DECIDES } else { 0 };
                 let params = RoundParams { flags: JUDGES | decides, ..params };
-                self.record_round(session, &mut recording, &params, &search, lock_rounds);
+                self.lists.record_round(of(session), &mut recording, &params, &search.trial);
                 ends.push(recording.commands().len());
             }
             let start = session.elapsed_s();
@@ -295,14 +261,15 @@ impl Rounds {
             }
             let mut verdict = GOES_ON;
             for (report, clock) in reports {
-                verdict = session.push_round(&report, 1, &mut self.ledger, clock);
+                no_fault(device, report[FAULTS])?;
+                session.push_round(&report, 1, &mut self.ledger, clock);
+                verdict = report[VERDICT];
             }
             // The tree is that of the last row.
             if session.observe_rows(done, device, observe).is_break() {
                 return Ok(Some(StopReason::Cancelled));
             }
             match verdict {
-                AT_FAULT => return Ok(Some(StopReason::Fault(session.faults))),
                 SETTLED => return Ok(None),
                 NOTHING_FOUND => schedule.hurry(),
                 _ => {}
@@ -315,83 +282,9 @@ impl Rounds {
     fn params(&self, session: &Session<'_>, settings: &PrbvhSettings) -> RoundParams {
         RoundParams { count: session.internal, nodes: session.node_count, ..self.ledger.params(&settings.limits) }
     }
+}
 
-    /// Records that the pool is empty and unfolds the top of the tree, in so many stages or until the pool is full.
-    fn record_begin(
-        &self,
-        session: &Session<'_>,
-        recording: &mut Recording,
-        params: &RoundParams,
-        again: bool,
-        stages: u32,
-    ) {
-        if again {
-            recording.clear("unfold", &self.lists.keys);
-        }
-        self.page(session, recording, params, BEGIN);
-        for _ in 0..stages {
-            self.record_unfold(session, recording, params);
-            self.page(session, recording, params, CLOSE);
-        }
-    }
-
-    fn page(&self, session: &Session<'_>, recording: &mut Recording, params: &RoundParams, page: u32) {
-        session.moves.record_page(recording, "select", &RoundParams { page, ..*params }, &self.lists.fringe);
-    }
-
-    fn record_unfold(&self, session: &Session<'_>, recording: &mut Recording, params: &RoundParams) {
-        let Lists { keys, pool, fringe, .. } = &self.lists;
-        let books = &session.moves.books;
-        let buffers = [&session.tree.nodes, keys, fringe, pool, books];
-        recording.dispatch_counted("unfold", Kernel::WorstUnfold, params.count, params, &buffers, books, OVER_FRINGE);
-    }
-
-    fn record_round(
-        &self,
-        session: &Session<'_>,
-        recording: &mut Recording,
-        params: &RoundParams,
-        search: &Search,
-        lock_rounds: u32,
-    ) {
-        let Lists { keys, pool, fringe, list } = &self.lists;
-        let (nodes, ways) = (&session.tree.nodes, &session.measure.arrivals);
-        let moves = &session.moves;
-        let (books, found, report) = (&moves.books, &moves.found, &moves.report);
-        let over_pool = |recording: &mut Recording, kernel, buffers: &[&Buffer]| {
-            recording.dispatch_counted("select", kernel, params.count, params, buffers, books, OVER_POOL);
-        };
-        over_pool(recording, Kernel::WorstCount, &[pool, keys, books]);
-        self.page(session, recording, params, WORST);
-        over_pool(recording, Kernel::WorstSelect, &[keys, pool, list, books]);
-        self.record_unfold(session, recording, params);
-        self.page(session, recording, params, LIST);
-
-        let dual = DualParams {
-            count: params.count,
-            nodes: params.nodes,
-            both_orders: search.both_orders.into(),
-            climb: search.climb,
-            slack: search.slack,
-            row: params.row,
-        };
-        let buffers = [nodes, list, found, keys, books, report];
-        recording.dispatch_counted("search", Kernel::DualSearch, dual.count, &dual, &buffers, books, OVER_LIST);
-        let params_of_moves = PrbvhParams {
-            count: params.count,
-            mu: 1,
-            first: 0,
-            nodes: params.nodes,
-            flags: DUAL | ROUNDS,
-            row: params.row,
-            scale: params.scale,
-        };
-        moves.record_lock_rounds(recording, &params_of_moves, lock_rounds);
-        moves.record_reinsert(recording, &params_of_moves);
-        let buffers = [found, nodes, ways, keys, fringe, books, report];
-        moves.dispatch(recording, "refit", Kernel::WorstMark, &params_of_moves, &buffers);
-        let buffers = [found, nodes, ways, keys, pool, books, report];
-        moves.dispatch(recording, "refit", Kernel::WorstRefit, &params_of_moves, &buffers);
-        self.page(session, recording, params, CLOSE);
-    }
+/// What the rounds of a session work on.
+fn of<'a>(session: &'a Session<'_>) -> Of<'a> {
+    Of { nodes: &session.tree.nodes, ways: &session.measure.arrivals, moves: &session.moves }
 }

@@ -5,24 +5,25 @@
 use super::{PipelineError, working_triangles};
 use crate::build::DeviceTree;
 use crate::bvh::{self, Bvh, DepthBound, MaxDepth, Quality, SahModel, TreeFault};
-use crate::collapse::{CollapseSettings, collapse};
-use crate::device::{Device, DeviceInfo, Timing, on_host};
+use crate::collapse::{CollapseSettings, collapse_sound};
+use crate::device::{Device, DeviceError, DeviceInfo, Timing, on_host};
 use crate::fold::Fold;
 use crate::scene::Scene;
+use crate::stop::Stop;
 
-/// The device's tree, unfolded, with the boxes of the original triangles, validated.
+/// The device's tree, unfolded, with the boxes of the original triangles, validated; unless there is a stop and an end is asked for.
 pub(super) fn hand_out(
     (tree, fold): (&DeviceTree, Option<&Fold>),
     scene: &Scene,
     device: &mut dyn Device,
-    stage: &'static str,
+    (stage, stop): (&'static str, Option<&Stop>),
 ) -> Result<(Bvh, Quality), PipelineError> {
     let decoded = tree.decode(device, fold.map_or(0, |fold| 2 * fold.folded()))?;
     let decoded = match fold {
         Some(fold) => decoded.map(|tree| fold.unfold(tree)),
         None => decoded,
     };
-    measured(decoded, scene, device.info(), stage, &SahModel::default())
+    measured(decoded, scene, device.info(), (stage, stop), &SahModel::default())
 }
 
 /// A decoded tree with the boxes of the original triangles, validated, and its quality.
@@ -30,11 +31,14 @@ fn measured(
     decoded: Result<Bvh, Vec<TreeFault>>,
     scene: &Scene,
     device: &DeviceInfo,
-    stage: &'static str,
+    (stage, stop): (&'static str, Option<&Stop>),
     sah: &SahModel,
 ) -> Result<(Bvh, Quality), PipelineError> {
     let invalid = |faults| PipelineError::InvalidTree { stage, device: device.name.clone(), faults };
+    let go_on = || if stop.is_some_and(Stop::is_asked) { Err(DeviceError::Stopped) } else { Ok(()) };
+    go_on()?;
     let tree = decoded.map_err(invalid)?.with_boxes_of(&scene.triangles);
+    go_on()?;
     bvh::validate(&tree, Some(&scene.triangles)).map_err(invalid)?;
     let quality = bvh::quality(&tree, sah);
     Ok((tree, quality))
@@ -79,8 +83,9 @@ pub(super) fn hand_out_collapsed(
     device: &mut dyn Device,
     settings: &CollapseSettings,
 ) -> Result<(Bvh, Quality, Vec<Timing>), PipelineError> {
-    let mut collapsed = collapse(device, tree, settings)?;
+    let mut collapsed = collapse_sound(device, tree, settings)?;
     let timings = std::mem::take(&mut collapsed.timings);
-    let (tree, quality) = measured(Ok(collapsed.free(device)), scene, device.info(), "collapse", &settings.sah)?;
+    let (tree, quality) =
+        measured(Ok(collapsed.free(device)), scene, device.info(), ("collapse", None), &settings.sah)?;
     Ok((tree, quality, timings))
 }

@@ -2,14 +2,22 @@
 
 use super::PipelineError;
 use crate::build::{self, Codes, DeviceTree};
-use crate::device::{Device, Timing, on_host};
+use crate::device::{Device, DeviceError, Timing, on_host};
+use crate::references::References;
 use crate::scene::Scene;
 #[cfg(not(feature = "atrbvh"))]
 use crate::settings::FeatureOff;
-use crate::settings::Initial;
+use crate::settings::{Initial, Settings};
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
 use std::time::Instant;
+
+/// The tree that the caller has, with a reference in each leaf.
+pub(super) fn given_tree(scene: &Scene, initial: &Initial) -> Result<Option<References>, PipelineError> {
+    let Initial::Tree(tree) = initial else { return Ok(None) };
+    let references = References::split(tree, &scene.boxes());
+    references.map(Some).map_err(|faults| PipelineError::GivenTree { faults })
+}
 
 /// The tree to start from, on the device, and the times of its stages.
 pub(super) fn initial_tree(
@@ -18,12 +26,15 @@ pub(super) fn initial_tree(
         expect(unused_variables, reason = "only a tree of a file is asked whose it is")
     )]
     scene: &Scene,
+    given: Option<&References>,
     working: Vec<Triangle>,
     device: &mut dyn Device,
-    (initial, codes): (&Initial, Codes),
+    (settings, codes): (&Settings, Codes),
 ) -> Result<(DeviceTree, Vec<Timing>), PipelineError> {
     let start = Instant::now();
-    let (label, nodes): (_, Vec<Node>) = match initial {
+    let stop = settings.limits().stop.as_ref();
+    let until = |nodes: Option<Vec<Node>>| nodes.ok_or(DeviceError::Stopped);
+    let (label, nodes): (_, Vec<Node>) = match &settings.initial {
         Initial::Lbvh => return Ok(build::lbvh(device, working, codes)?),
         Initial::Ploc { radius } => {
             let (tree, timings, _) = build::ploc(device, working, codes, *radius)?;
@@ -36,8 +47,12 @@ pub(super) fn initial_tree(
         }
         #[cfg(not(feature = "atrbvh"))]
         Initial::Atrbvh { .. } => return Err(FeatureOff { method: "atrbvh", feature: "atrbvh" }.into()),
-        Initial::SahSweep => ("sah sweep", on_host(device, || build::sah_sweep(&working))),
-        Initial::SahBinned => ("sah binned", on_host(device, || build::sah_binned(&working))),
+        Initial::SahSweep => ("sah sweep", until(on_host(device, || build::sweep_until(&working, stop)))?),
+        Initial::SahBinned => ("sah binned", until(on_host(device, || build::binned_until(&working, stop)))?),
+        Initial::Tree(_) => {
+            let tree = given.map(|given| given.tree.clone()).ok_or(DeviceError::Stopped)?;
+            ("read tree", tree.with_boxes_of(&working).to_device()?)
+        }
         #[cfg(feature = "files")]
         Initial::File { path } => ("read tree", build::from_file(path, scene, &working)?),
     };

@@ -2,7 +2,6 @@
 
 use super::PipelineError;
 use crate::build::DeviceTree;
-use crate::bvh::Quality;
 use crate::device::Device;
 use crate::optimize::{self, CurrentTree, IterationRow, Outcome, RbvhSettings, StopReason};
 use std::ops::ControlFlow;
@@ -26,10 +25,16 @@ pub(super) fn rbvh(
     Ok((DeviceTree::upload(device, &nodes)?, outcome))
 }
 
-/// What is said of a tree that nothing optimised.
-pub(super) fn nothing(tree: &DeviceTree, device: &mut dyn Device, initial: &Quality, observe: Observe<'_>) -> Outcome {
-    let row = IterationRow { cost: initial.sah_cost, ..IterationRow::default() };
+/// What is said of a tree of this cost that nothing optimised, and why.
+pub(super) fn nothing(
+    tree: &DeviceTree,
+    device: &mut dyn Device,
+    cost: f64,
+    why: StopReason,
+    observe: Observe<'_>,
+) -> Outcome {
+    let row = IterationRow { cost, ..IterationRow::default() };
     let is_cancelled = observe(&row, CurrentTree::Device(tree, device, None)).is_break();
-    let stop = if is_cancelled { StopReason::Cancelled } else { StopReason::NoOptimizer };
+    let stop = if is_cancelled { StopReason::Cancelled } else { why };
     Outcome { rows: vec![row], stop, timings: Vec::new(), working_bytes: 0 }
 }

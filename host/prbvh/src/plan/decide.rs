@@ -271,7 +271,7 @@ impl Decide<'_> {
         if self.settings.fold_duplicates {
             let why = match self.settings.optimizer {
                 Optimizer::None => "nothing is optimised",
-                _ if self.settings.initial.is_file() => "the initial tree is over all triangles",
+                _ if self.settings.initial.is_given() => "the initial tree is over all triangles",
                 _ => return Ok(item(Omission::Duplicates, Status::NoneThere, "no two triangles have equal boxes")),
             };
             return Ok(item(Omission::Duplicates, Status::Needed, why));

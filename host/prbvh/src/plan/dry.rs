@@ -4,7 +4,7 @@ use super::{Omission, PhaseBytes};
 use crate::build::{self, Codes, DeviceTree};
 use crate::collapse;
 use crate::device::{Buffer, Command, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing, Traffic};
-use crate::optimize::{Limits, PrbvhSettings, prbvh};
+use crate::optimize::{Limits, PrbvhSettings, prbvh_unchecked};
 use crate::settings::Initial;
 use crate::trace::TraceScene;
 use prbvh_kernel::Kernel;
@@ -21,7 +21,6 @@ pub(super) struct DryDevice {
     dispatches: u64,
     iterations: u64,
     kernels: BTreeSet<Kernel>,
-    next_id: u32,
 }
 
 /// What a stage took.
@@ -56,7 +55,6 @@ impl DryDevice {
             dispatches: 0,
             iterations: 0,
             kernels: BTreeSet::new(),
-            next_id: 0,
         }
     }
 
@@ -96,7 +94,7 @@ impl DryDevice {
                 let (tree, _) = build::lbvh(self, triangles, codes)?;
                 // Ends as soon as it sees that nothing was computed, but all its buffers are there by then.
                 if let Err(error @ (DeviceError::Limit { .. } | DeviceError::OutOfMemory { .. })) =
-                    build::restructure(self, &tree, *treelet, &mut |_, _| {})
+                    build::restructure_unchecked(self, &tree, *treelet, &mut |_, _| {})
                 {
                     return Err(error);
                 }
@@ -120,7 +118,7 @@ impl DryDevice {
     ) -> Result<(), DeviceError> {
         let tree = self.tree(triangles)?;
         let settings = PrbvhSettings { limits: Limits::iterations(iterations), ..settings };
-        let outcome = prbvh(self, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(()))?;
+        let outcome = prbvh_unchecked(self, &tree, None, &settings, &mut |_, _, _| ControlFlow::Continue(()))?;
         self.iterations = outcome.rows.len() as u64 - 1;
         tree.free(self);
         Ok(())
@@ -157,8 +155,7 @@ impl Device for DryDevice {
     }
 
     fn allocate(&mut self, label: &'static str, length: usize, element_bytes: usize) -> Result<Buffer, DeviceError> {
-        let buffer = Buffer { id: self.next_id, label, length, element_bytes };
-        self.next_id += 1;
+        let buffer = Buffer::new(label, length, element_bytes);
         self.memory.bytes += buffer.bytes();
         self.memory.peak_bytes = self.memory.peak_bytes.max(self.memory.bytes);
         if self.largest.as_ref().is_none_or(|largest| largest.bytes() < buffer.bytes()) {

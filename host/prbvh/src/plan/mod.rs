@@ -176,7 +176,7 @@ impl Plan {
 
 /// Whether triangles of equal boxes are asked to be one reference.
 fn folds(settings: &Settings) -> bool {
-    settings.fold_duplicates && settings.optimizer != Optimizer::None && !settings.initial.is_file()
+    settings.fold_duplicates && settings.optimizer != Optimizer::None && !settings.initial.is_given()
 }
 
 /// Whether a leaf may get a second triangle.

@@ -41,7 +41,7 @@ pub(super) fn phases(
     let phase = |name: String, runs, stage: &dyn Fn(&mut DryDevice) -> Result<(), DeviceError>| {
         let mut dry = DryDevice::new(info);
         stage(&mut dry)?;
-        Ok((dry.phase(name, runs), dry.taken()))
+        Ok::<_, DeviceError>((dry.phase(name, runs), dry.taken()))
     };
     let mut phases: Vec<(PhaseBytes, Taken)> =
         vec![phase(format!("build, {}", settings.initial.method()), true, &|dry| {

@@ -1,5 +1,6 @@
 //! What a scene is made of: counts and measures that later stages plan by.
 
+use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::setup::Triangle;
 use rayon::prelude::*;
 use std::hash::{DefaultHasher, Hasher};
@@ -53,7 +54,22 @@ impl Census {
     /// Takes the census of finite `triangles`.
     #[must_use]
     pub fn of(triangles: &[Triangle]) -> Self {
-        let sum = triangles.par_iter().fold(Sums::default, Sums::add).reduce(Sums::default, Sums::merge);
+        Self::by(triangles, |triangle| (!has_zero_area(triangle)).then(|| area(triangle)))
+    }
+
+    /// The same of triangles that stand for boxes, whose areas are those of the boxes' surfaces.
+    pub(super) fn of_boxes(triangles: &[Triangle]) -> Self {
+        Self::by(triangles, |triangle| {
+            let Aabb { min, max } = triangle.aabb();
+            let [x, y, z] = [0, 1, 2].map(|k| f64::from(max[k]) - f64::from(min[k]));
+            Some(2.0 * (x * y + y * z + z * x)).filter(|&area| area > 0.0)
+        })
+    }
+
+    /// `area_of`: none where there is no area.
+    fn by(triangles: &[Triangle], area_of: impl Fn(&Triangle) -> Option<f64> + Sync) -> Self {
+        let add = |sums: Sums, triangle: &Triangle| sums.add(triangle, area_of(triangle));
+        let sum = triangles.par_iter().fold(Sums::default, add).reduce(Sums::default, Sums::merge);
         let (min, max) = if triangles.is_empty() { ([0.0; 3], [0.0; 3]) } else { (sum.min, sum.max) };
         let extent = [0, 1, 2].map(|k| f64::from(max[k]) - f64::from(min[k]));
         let extents = || extent.into_iter().filter(|&extent| extent > 0.0);
@@ -102,14 +118,14 @@ impl Default for Sums {
 }
 
 impl Sums {
-    fn add(mut self, triangle: &Triangle) -> Self {
+    fn add(mut self, triangle: &Triangle, area: Option<f64>) -> Self {
         let aabb = triangle.aabb();
-        if has_zero_area(triangle) {
-            self.zero_area += 1;
-        } else {
-            let area = area(triangle);
-            self.largest_area = self.largest_area.max(area);
-            self.smallest_area = self.smallest_area.min(area);
+        match area {
+            None => self.zero_area += 1,
+            Some(area) => {
+                self.largest_area = self.largest_area.max(area);
+                self.smallest_area = self.smallest_area.min(area);
+            }
         }
         for k in 0..3 {
             self.min[k] = self.min[k].min(aabb.min[k]);

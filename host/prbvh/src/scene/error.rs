@@ -89,6 +89,30 @@ pub enum SceneError {
         /// The value as the file has it.
         value: String,
     },
+    /// A box has a corner of smallest coordinates that is above the other one.
+    #[error("{file}{place}: the box from {min:?} to {max:?} is inverted")]
+    Inverted {
+        /// Name of the scene.
+        file: String,
+        /// Where.
+        place: Place,
+        /// Smallest coordinates as given.
+        min: [f32; 3],
+        /// Largest coordinates as given.
+        max: [f32; 3],
+    },
+    /// Strided vertices that overlap or are not all there.
+    #[error("{count} positions of 12 bytes from byte {offset} on, one in {stride} bytes, are not in {bytes} bytes")]
+    Stride {
+        /// Bytes there are.
+        bytes: usize,
+        /// Byte of the first position.
+        offset: usize,
+        /// Bytes from one position to the next.
+        stride: usize,
+        /// Positions.
+        count: usize,
+    },
     /// There are no triangles.
     #[error("{file}: no triangles{}", after(.notes))]
     NoTriangles {

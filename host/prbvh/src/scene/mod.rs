@@ -1,10 +1,14 @@
-//! Scenes: files and the built-in one, as triangles.
+//! Scenes: files and the built-in one, as triangles; of the library's user triangles, indexed vertices, and boxes.
+//!
+//! What is done for all triangles at once (reading, counting, scaling) is done on the threads of the current rayon pool: `pool.install(|| …)` says which.
+//! Outside of any pool that is rayon's own, which starts when it is first needed.
 
 mod built_in;
 mod census;
 mod error;
 #[cfg(feature = "files")]
 mod files;
+mod memory;
 mod note;
 mod place;
 mod range;
@@ -19,13 +23,26 @@ pub use census::{Census, duplicate_boxes};
 pub use error::{MAX_TRIANGLES, SceneError};
 #[cfg(feature = "files")]
 pub use files::{Format, LoadOptions, NoSuchFormat, load, load_with, name_of};
+pub use memory::Vertices;
+pub(crate) use memory::stand_in;
 pub use note::Note;
 pub use place::Place;
+pub use prbvh_kernel::aabb::Aabb;
 pub use prbvh_kernel::setup::Triangle;
-pub use range::SafeRange;
+pub use range::{OutOfRange, SafeRange};
 
 use error::Blame;
 use rayon::prelude::*;
+
+/// What a scene is made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Primitives {
+    /// Triangles.
+    #[default]
+    Triangles,
+    /// Boxes ([`Scene::from_boxes`]).
+    Boxes,
+}
 
 /// Triangles with all that is known of them before anything is built. There is at least one and at most [`MAX_TRIANGLES`], and
 /// all coordinates are finite.
@@ -36,7 +53,9 @@ pub struct Scene {
     pub name: String,
     /// Path of the file, or `built-in`, or `library` for [`Scene::from_triangles`].
     pub source: String,
-    /// The triangles, in the order of the file.
+    /// What the scene is made of.
+    pub primitives: Primitives,
+    /// The triangles, in the order of the file. Of boxes: one for each, with the same box, which stands for it wherever a tree is built or measured.
     pub triangles: Vec<Triangle>,
     /// Counts and measures.
     pub census: Census,
@@ -62,7 +81,7 @@ impl Scene {
                 blame.finite(Place::Element("triangle", index as u64), corner)?;
             }
         }
-        Self::screened(name, "library".into(), triangles)
+        Self::screened(name, "library".into(), triangles, Primitives::Triangles)
     }
 
     /// The same of the triangles whose coordinates are all finite; also returns the numbers of those left out, ascending.
@@ -74,19 +93,28 @@ impl Scene {
         Blame(&name).limit(triangles.len() as u64)?;
         let left_out: Vec<u32> = (0..).zip(&triangles).filter(|(_, t)| !is_finite(t)).map(|(index, _)| index).collect();
         triangles.retain(is_finite);
-        Ok((Self::screened(name, "library".into(), triangles)?, left_out))
+        Ok((Self::screened(name, "library".into(), triangles, Primitives::Triangles)?, left_out))
     }
 
     /// A scene of triangles that are finite and not too many.
-    fn screened(name: String, source: String, mut triangles: Vec<Triangle>) -> Result<Self, SceneError> {
+    fn screened(
+        name: String,
+        source: String,
+        mut triangles: Vec<Triangle>,
+        primitives: Primitives,
+    ) -> Result<Self, SceneError> {
         if triangles.is_empty() {
             let file = if source == "library" { name } else { source };
             return Err(SceneError::NoTriangles { file, notes: Vec::new() });
         }
         // A reader does not know how many will come, and they stay for the whole run.
         triangles.shrink_to_fit();
-        let (census, hash) = rayon::join(|| Census::of(&triangles), || hash(&triangles));
-        Ok(Self { name, source, triangles, census, hash, attribute_bytes: 0, notes: Vec::new() })
+        let census = || match primitives {
+            Primitives::Triangles => Census::of(&triangles),
+            Primitives::Boxes => Census::of_boxes(&triangles),
+        };
+        let (census, hash) = rayon::join(census, || hash(&triangles));
+        Ok(Self { name, source, primitives, triangles, census, hash, attribute_bytes: 0, notes: Vec::new() })
     }
 }
 
@@ -100,6 +128,7 @@ pub fn built_in(triangles: usize) -> Scene {
     Scene {
         name: "hall".into(),
         source: "built-in".into(),
+        primitives: Primitives::Triangles,
         triangles,
         census,
         hash,

@@ -1,5 +1,6 @@
 //! The working coordinates of the kernels: the scene, scaled into a range in which no product of extents under- or overflows.
 
+use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::setup::Triangle;
 use rayon::prelude::*;
 
@@ -11,6 +12,21 @@ const GRID: i32 = 62;
 
 /// A float32 of at least this magnitude is a whole number, as is its product with a power of two.
 const WHOLE: f64 = (1u32 << 24) as f64;
+
+/// Half areas of a scene from which on those of its parts have room below them: a part of 2^-86 of it is still a normal float32.
+const LEAST_AREA: f64 = 1.0 / (1u64 << 40) as f64;
+
+/// A box around a whole scene whose coordinates are so small or so large that areas in float32 are not to be relied on.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "the box from {:?} to {:?} is out of the range in which areas can be relied on (coordinates below 2^55, half area 0 or at least 2^-40): \
+     scale the scene with `scene::SafeRange`, as `pipeline` does by itself",
+    .aabb.min, .aabb.max
+)]
+pub struct OutOfRange {
+    /// The box.
+    pub aabb: Aabb,
+}
 
 /// A power of two that brings a scene into the safe range.
 ///
@@ -43,6 +59,22 @@ impl SafeRange {
         // A denormal float32 is a normal float64, so the exponent field of the latter tells the magnitude of either.
         let exponent = ((f64::from(largest).to_bits() >> 52) & 0x7ff) as i32 - 1023;
         Self { exponent: LARGEST - exponent }
+    }
+
+    /// Whether a scene in this box may stay as it is: it is in the safe range, or it has all coordinates below it and is not so small that the areas
+    /// of its parts vanish. What takes triangles or trees in working coordinates asks this first.
+    ///
+    /// # Errors
+    /// [`OutOfRange`] otherwise, also for a box that is not finite.
+    pub fn check(aabb: &Aabb) -> Result<(), OutOfRange> {
+        let corners = || aabb.min.iter().chain(&aabb.max);
+        let largest = corners().fold(0_f32, |most, x| most.max(x.abs()));
+        let is_below = |exponent: i32| f64::from(largest) < power_of_two(exponent);
+        let extent = |k: usize| f64::from(aabb.max[k]) - f64::from(aabb.min[k]);
+        let area = extent(0) * extent(1) + extent(1) * extent(2) + extent(2) * extent(0);
+        let is_large_enough = area == 0.0 || area >= LEAST_AREA || !is_below(LARGEST);
+        let is_good = corners().all(|x| x.is_finite()) && is_below(LARGEST + 1) && is_large_enough;
+        if is_good { Ok(()) } else { Err(OutOfRange { aabb: *aabb }) }
     }
 
     /// The working coordinates of `triangles`. A zero is +0, so that the smaller and the greater of two are the same bits on all

@@ -2,7 +2,7 @@
 
 use super::{Query, TraceError, TraceRange};
 use crate::bvh::{self, Bvh, Content, ROOT};
-use crate::device::{Buffer, Device, DeviceError, Recording};
+use crate::device::{Buffer, Device, DeviceError, Recording, on_host};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::setup::Triangle;
@@ -45,8 +45,11 @@ impl TraceScene {
         triangles: &[Triangle],
         starts: &[[f32; 3]],
     ) -> Result<Self, TraceError> {
-        let range = TraceRange::of(triangles, starts);
-        let working = range.triangles(triangles);
+        let (range, working) = on_host(device, || {
+            let range = TraceRange::of(triangles, starts);
+            let working = range.triangles(triangles);
+            (range, working)
+        });
         let faults = bvh::links_and_leaves(tree, triangles.len());
         if !faults.is_empty() {
             return Err(TraceError::InvalidTree(faults));

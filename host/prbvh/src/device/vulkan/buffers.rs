@@ -13,15 +13,14 @@ const OTHER_ALLOCATIONS: u64 = 3;
 pub(super) struct Buffers {
     device: Arc<LogicalDevice>,
     access: Access,
-    live: HashMap<u32, (Buffer, Allocation)>,
-    next_id: u32,
+    live: HashMap<u64, (Buffer, Allocation)>,
     memory: MemoryUse,
 }
 
 impl Buffers {
     /// No buffers yet.
     pub(super) fn new(device: &Arc<LogicalDevice>, access: Access) -> Self {
-        Self { device: Arc::clone(device), access, live: HashMap::new(), next_id: 0, memory: MemoryUse::default() }
+        Self { device: Arc::clone(device), access, live: HashMap::new(), memory: MemoryUse::default() }
     }
 
     /// A buffer whose content is not defined yet, and its handle.
@@ -36,8 +35,7 @@ impl Buffers {
         self.check_limits(&what, bytes)?;
         let allocation = Allocation::new(&self.device, &what, bytes, Purpose::Storage(self.access))?;
 
-        let buffer = Buffer { id: self.next_id, label, length, element_bytes };
-        self.next_id = self.next_id.wrapping_add(1);
+        let buffer = Buffer::new(label, length, element_bytes);
         self.memory.bytes += bytes;
         self.memory.peak_bytes = self.memory.peak_bytes.max(self.memory.bytes);
         let (_, allocation) = self.live.entry(buffer.id).insert_entry((buffer.clone(), allocation)).into_mut();
@@ -72,7 +70,7 @@ impl Buffers {
     pub(super) fn find(&self, buffer: &Buffer) -> Result<&Allocation, DeviceError> {
         match self.live.get(&buffer.id) {
             Some((own, allocation)) if own.is_same(buffer) => Ok(allocation),
-            _ => Err(not_here(buffer)),
+            _ => Err(buffer.not_here()),
         }
     }
 
@@ -83,11 +81,10 @@ impl Buffers {
                 if bytes as u64 <= allocation.bytes() {
                     Ok(allocation)
                 } else {
-                    let problem = format!("{bytes} bytes wanted, but it has {}", allocation.bytes());
-                    Err(DeviceError::Buffer { label: buffer.label, problem })
+                    Err(buffer.too_short(bytes))
                 }
             }
-            _ => Err(not_here(buffer)),
+            _ => Err(buffer.not_here()),
         }
     }
 
@@ -95,8 +92,4 @@ impl Buffers {
     pub(super) fn memory(&self) -> MemoryUse {
         self.memory
     }
-}
-
-fn not_here(buffer: &Buffer) -> DeviceError {
-    DeviceError::Buffer { label: buffer.label, problem: "it is not, or no longer, a buffer of this device".to_owned() }
 }

@@ -16,9 +16,11 @@ mod tree;
 pub use tree::RbvhTree;
 
 use super::TreeAreas;
-use super::{IterationRow, Limits, Outcome, StopReason, set_relative_errors};
-use crate::bvh::{Bvh, TreeFault};
+use super::{IterationRow, Limits, OptimizeError, Outcome, StopReason, set_relative_errors};
+use crate::build::UnfitTree;
+use crate::bvh::Bvh;
 use crate::device::Timing;
+use crate::scene::SafeRange;
 use prbvh_kernel::node::Node;
 use rows::Rows;
 use schedule::{Schedule, Source};
@@ -67,7 +69,7 @@ impl Default for RbvhSettings {
 }
 
 /// Optimises `nodes[2n-1]`, a tree as a device leaves it, in place; it ends as the best tree, the initial one included. Boxes are finite and
-/// in the safe range ([`SafeRange`](crate::scene::SafeRange)). One thread; the result depends on the tree and the settings alone.
+/// in the [range](SafeRange::check) of what works on trees. One thread; the result depends on the tree and the settings alone.
 ///
 /// `observe` sees every batch as a row, the initial tree as row 0, and the tree after it; it may break. In a row `found` are the nodes
 /// picked, `owned` those of them that were reinserted (others went away with an earlier one of the batch), `applied` those whose reinsertion
@@ -75,13 +77,16 @@ impl Default for RbvhSettings {
 /// of a long run a row for several: the counts are then sums, and the cost is the lowest.
 ///
 /// # Errors
-/// All faults of the links, if the nodes are no tree.
+/// If a setting makes no sense, the links are no tree, or the root's box is [out of range](SafeRange::check).
 pub fn rbvh(
     nodes: &mut [Node],
     settings: &RbvhSettings,
     observe: &mut dyn FnMut(&IterationRow, &RbvhTree) -> ControlFlow<()>,
-) -> Result<Outcome, Vec<TreeFault>> {
-    let (best, outcome) = rbvh_of(Bvh::from_device(nodes)?, settings, observe);
+) -> Result<Outcome, OptimizeError> {
+    settings.check()?;
+    let tree = Bvh::from_device(nodes).map_err(|faults| UnfitTree::Broken { faults })?;
+    SafeRange::check(&nodes[0].aabb()).map_err(UnfitTree::from)?;
+    let (best, outcome) = rbvh_of(tree, settings, observe);
     nodes.copy_from_slice(&best);
     Ok(outcome)
 }

@@ -20,7 +20,7 @@ pub use open::name_of;
 
 use super::Place;
 use super::error::{Blame, SceneError};
-use super::{Scene, Triangle};
+use super::{Primitives, Scene, Triangle};
 use notes::Notes;
 use std::path::Path;
 
@@ -78,7 +78,7 @@ pub fn load_with(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError
         if options.strict && !notes.is_empty() {
             return Err(SceneError::NotWhole { file: file.clone(), notes });
         }
-        Ok(Scene { attribute_bytes, notes, ..Scene::screened(name, file.clone(), triangles)? })
+        Ok(Scene { attribute_bytes, notes, ..Scene::screened(name, file.clone(), triangles, Primitives::Triangles)? })
     });
     match (scene, looks) {
         // A wrong extension explains more than what follows from it.

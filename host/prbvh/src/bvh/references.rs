@@ -1,0 +1,149 @@
+//! Trees over references: a primitive may be in several leaves, each of which holds a piece of it (spatial splits; Stich, Friedrich & Dietrich 2009).
+
+use super::validate::{Check, TreeStats};
+use super::{Bvh, Content, TreeFault};
+use prbvh_kernel::aabb::Aabb;
+
+/// As [`validate`](super::validate()), but primitives may be in more than one leaf. `boxes` are those of the primitives, `triangle_order` holds their
+/// numbers. Checks that
+/// - links are those of a tree, and every position is in one leaf;
+/// - every primitive is in at least one leaf;
+/// - every box is finite, and equals the union of its children's;
+/// - the pieces of each primitive, its box cut to the boxes of the leaves that hold it, span its box. That they leave no hole in it is not checked.
+///
+/// # Errors
+/// All faults, structure before boxes.
+pub fn validate_references(tree: &Bvh, boxes: &[Aabb]) -> Result<TreeStats, Vec<TreeFault>> {
+    let mut check = Check::with_repeats(tree, boxes.len());
+    check.structure();
+    if !tree.nodes.is_empty() {
+        check.boxes(None);
+    }
+    let stats = check.finish()?;
+    pieces(tree, boxes)?;
+    Ok(stats)
+}
+
+/// The faults of links and leaves, and of the boxes of leaves that are none; without a number of primitives the largest in the tree is the last.
+pub(crate) fn reference_faults(tree: &Bvh, primitives: Option<usize>) -> Vec<TreeFault> {
+    let most = || tree.triangle_order.iter().max().map_or(0, |&last| last as usize + 1);
+    let mut check = match primitives {
+        Some(primitives) => Check::with_repeats(tree, primitives),
+        None => Check::with_repeats_and_gaps(tree, most()),
+    };
+    check.structure();
+    if !tree.nodes.is_empty() {
+        check.leaf_boxes();
+    }
+    check.finish().err().unwrap_or_default()
+}
+
+/// The piece at each position of the order: the box of its primitive, cut to that of its leaf.
+///
+/// # Errors
+/// The primitives whose pieces do not span them.
+///
+/// # Panics
+/// If the leaves are not [sound](reference_faults).
+pub(crate) fn pieces(tree: &Bvh, boxes: &[Aabb]) -> Result<Vec<Aabb>, Vec<TreeFault>> {
+    let mut pieces = vec![Aabb::EMPTY; tree.triangle_order.len()];
+    let mut spanned = vec![Aabb::EMPTY; boxes.len()];
+    for node in &tree.nodes {
+        let Content::Leaf { first, count } = node.content else { continue };
+        for place in first as usize..(first + count) as usize {
+            let primitive = tree.triangle_order[place] as usize;
+            let piece = cut(&boxes[primitive], &node.aabb);
+            if let Some(piece) = piece {
+                pieces[place] = piece;
+                spanned[primitive] = spanned[primitive].union(piece);
+            }
+        }
+    }
+    let uncovered = (0..).zip(&spanned).zip(boxes).filter(|((_, have), need)| have != need);
+    let mut faults: Vec<TreeFault> =
+        uncovered.map(|((triangle, &have), &need)| TreeFault::Uncovered { triangle, have, need }).collect();
+    let apart = pieces.iter().zip(&tree.triangle_order).filter(|(piece, _)| **piece == Aabb::EMPTY);
+    faults.extend(apart.map(|(_, &triangle)| TreeFault::LeafApart { triangle }));
+    if faults.is_empty() { Ok(pieces) } else { Err(faults) }
+}
+
+/// What two boxes share.
+fn cut(one: &Aabb, other: &Aabb) -> Option<Aabb> {
+    let min: [f32; 3] = std::array::from_fn(|k| one.min[k].max(other.min[k]));
+    let max: [f32; 3] = std::array::from_fn(|k| one.max[k].min(other.max[k]));
+    (0..3).all(|k| min[k] <= max[k]).then_some(Aabb { min, max })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{BvhNode, NO_NODE, ROOT};
+    use super::*;
+
+    fn unit(from: f32, to: f32) -> Aabb {
+        Aabb { min: [from, 0.0, 0.0], max: [to, 1.0, 1.0] }
+    }
+
+    /// Primitive 0 from 0 to 4 in two halves, primitive 1 beside its second one.
+    fn split() -> (Bvh, [Aabb; 2]) {
+        let leaf = |aabb, first, count| BvhNode { aabb, parent: ROOT, content: Content::Leaf { first, count } };
+        let root = BvhNode { aabb: unit(0.0, 5.0), parent: NO_NODE, content: Content::Internal { left: 1, right: 2 } };
+        let nodes = vec![root, leaf(unit(0.0, 2.0), 0, 1), leaf(unit(2.0, 5.0), 1, 2)];
+        (Bvh { nodes, triangle_order: vec![0, 1, 0] }, [unit(0.0, 4.0), unit(3.0, 5.0)])
+    }
+
+    #[test]
+    fn a_primitive_may_be_in_two_leaves() {
+        let (tree, boxes) = split();
+        let stats = validate_references(&tree, &boxes).unwrap();
+        assert_eq!((stats.nodes, stats.leaves, stats.triangles), (3, 2, 3));
+        assert_eq!(pieces(&tree, &boxes).unwrap(), [unit(0.0, 2.0), unit(3.0, 5.0), unit(2.0, 4.0)]);
+        assert!(super::super::validate(&tree, None).is_err());
+    }
+
+    #[test]
+    fn planted_faults_are_named() {
+        let faults = |change: &dyn Fn(&mut Bvh, &mut [Aabb; 2])| {
+            let (mut tree, mut boxes) = split();
+            change(&mut tree, &mut boxes);
+            validate_references(&tree, &boxes).unwrap_err()
+        };
+        let missing = faults(&|tree, _| tree.triangle_order = vec![0, 0, 0]);
+        assert_eq!(missing, [TreeFault::TriangleMissing { triangle: 1 }]);
+        let uncovered = faults(&|_, boxes| boxes[0].min[0] = -1.0);
+        let (have, need) = (unit(0.0, 4.0), unit(-1.0, 4.0));
+        assert_eq!(uncovered, [TreeFault::Uncovered { triangle: 0, have, need }]);
+        let apart = faults(&|tree, boxes| {
+            tree.triangle_order = vec![1, 1, 0];
+            boxes[0] = unit(2.0, 4.0);
+        });
+        assert_eq!(apart, [TreeFault::LeafApart { triangle: 1 }]);
+        let unknown = faults(&|tree, _| tree.triangle_order[1] = 2);
+        assert!(unknown.contains(&TreeFault::TriangleOutOfRange { node: 2, triangle: 2, triangles: 2 }), "{unknown:?}");
+        let loose = faults(&|tree, _| tree.nodes[0].aabb = unit(0.0, 6.0));
+        assert!(matches!(loose[..], [TreeFault::BoxOfChildren { node: 0, .. }]), "{loose:?}");
+        let twice = faults(&|tree, _| tree.nodes[1].content = Content::Leaf { first: 0, count: 2 });
+        assert!(matches!(twice[..], [TreeFault::PositionShared { .. }, ..]), "{twice:?}");
+    }
+
+    #[test]
+    fn faults_of_leaves_are_found_without_primitives() {
+        let (tree, _) = split();
+        assert_eq!(reference_faults(&tree, None), []);
+        let faults = |change: &dyn Fn(&mut Bvh)| {
+            let mut tree = tree.clone();
+            change(&mut tree);
+            reference_faults(&tree, None)
+        };
+        assert!(matches!(
+            faults(&|tree| tree.nodes[1].aabb.min[1] = f32::NAN)[..],
+            [TreeFault::NotFinite { node: 1, .. }]
+        ));
+        assert!(matches!(faults(&|tree| tree.nodes[2].aabb.max[1] = -1.0)[..], [TreeFault::Inverted { node: 2, .. }]));
+        let broken = faults(&|tree| tree.nodes[1].parent = 2);
+        assert!(broken.contains(&TreeFault::ParentOfChild { node: 0, child: 1, parent: 2 }), "{broken:?}");
+        assert_eq!(faults(&|tree| tree.nodes.clear()), [TreeFault::NodeCount { nodes: 0 }]);
+        // Other boxes are made anew, and gaps in the numbers are the caller's.
+        assert_eq!(faults(&|tree| tree.nodes[0].aabb.max[1] = f32::NAN), []);
+        assert_eq!(faults(&|tree| tree.triangle_order = vec![7, 3, 7]), []);
+    }
+}

@@ -1,0 +1,82 @@
+//! What a frame is made of.
+
+use crate::scene::{Scene, SceneError};
+use prbvh_kernel::aabb::Aabb;
+use prbvh_kernel::setup::Triangle;
+use rayon::prelude::*;
+
+/// Primitives that a thread takes at once.
+const AT_ONCE: usize = 1024;
+
+/// Primitives of a frame: triangles or boxes, by their numbers.
+#[derive(Clone, Copy, Debug)]
+pub enum Shapes<'a> {
+    /// Triangles.
+    Triangles(&'a [Triangle]),
+    /// Boxes.
+    Boxes(&'a [Aabb]),
+}
+
+impl Shapes<'_> {
+    pub(super) fn len(&self) -> usize {
+        match self {
+            Self::Triangles(triangles) => triangles.len(),
+            Self::Boxes(boxes) => boxes.len(),
+        }
+    }
+
+    /// Writes the boxes; false if one is not finite or inverted.
+    pub(super) fn write(&self, boxes: &mut [Aabb]) -> bool {
+        let is_good =
+            |aabb: &Aabb| (0..3).all(|k| aabb.min[k] <= aabb.max[k] && aabb.max[k] - aabb.min[k] < f32::INFINITY);
+        match self {
+            Self::Triangles(triangles) => {
+                let write = |(to, t): (&mut Aabb, &Triangle)| {
+                    *to = t.aabb();
+                    // A sum of finite numbers that is none is far out of the range anyway.
+                    t.a.iter().chain(&t.b).chain(&t.c).map(|x| x.abs()).sum::<f32>() < f32::INFINITY
+                };
+                boxes.par_iter_mut().zip(*triangles).with_min_len(AT_ONCE).map(write).reduce(|| true, |a, b| a && b)
+            }
+            Self::Boxes(from) => {
+                let write = |(to, from): (&mut Aabb, &Aabb)| {
+                    *to = *from;
+                    is_good(from)
+                };
+                boxes.par_iter_mut().zip(*from).with_min_len(AT_ONCE).map(write).reduce(|| true, |a, b| a && b)
+            }
+        }
+    }
+
+    /// What is wrong with them, told by the number of the primitive.
+    pub(super) fn fault(&self) -> Option<SceneError> {
+        match self {
+            Self::Triangles(triangles) => Scene::from_triangles("frame", triangles.to_vec()).err(),
+            Self::Boxes(boxes) => Scene::from_boxes("frame", boxes).err(),
+        }
+    }
+}
+
+impl<'a> From<&'a [Triangle]> for Shapes<'a> {
+    fn from(triangles: &'a [Triangle]) -> Self {
+        Self::Triangles(triangles)
+    }
+}
+
+impl<'a> From<&'a Vec<Triangle>> for Shapes<'a> {
+    fn from(triangles: &'a Vec<Triangle>) -> Self {
+        Self::Triangles(triangles)
+    }
+}
+
+impl<'a> From<&'a [Aabb]> for Shapes<'a> {
+    fn from(boxes: &'a [Aabb]) -> Self {
+        Self::Boxes(boxes)
+    }
+}
+
+impl<'a> From<&'a Vec<Aabb>> for Shapes<'a> {
+    fn from(boxes: &'a Vec<Aabb>) -> Self {
+        Self::Boxes(boxes)
+    }
+}

@@ -1,0 +1,140 @@
+//! The buffers that live from frame to frame, and what is recorded over them.
+
+use super::super::areas::Measure;
+use super::super::lists::{FIRST_STAGES, Lists, Of, POOL, Trial};
+use super::super::moves::Moves;
+use super::super::{TreeAreas, WorstFirst};
+use crate::build::{DeviceTree, Scratch};
+use crate::device::{Buffer, Device, DeviceError, Recording};
+use prbvh_kernel::Kernel;
+use prbvh_kernel::aabb::Aabb;
+use prbvh_kernel::lbvh::LeavesParams;
+use prbvh_kernel::node::Node;
+use prbvh_kernel::prbvh::worst::RoundParams;
+use prbvh_kernel::status::REPORT_WORDS;
+use prbvh_kernel::sum::scale_of;
+
+/// A row of the report of a device.
+pub(super) type Report = [u32; REPORT_WORDS as usize];
+
+/// The tree, and everything that a frame needs.
+#[derive(Debug)]
+pub(super) struct Working {
+    pub(super) tree: DeviceTree,
+    scratch: Scratch,
+    moves: Moves,
+    measure: Measure,
+    lists: Lists,
+    /// Boxes of the primitives, and the primitive of each leaf.
+    boxes: Buffer,
+    order: Buffer,
+    root_area: f32,
+    scale: f32,
+}
+
+impl Working {
+    /// Puts a tree on the device, with room for so many rounds at once. `boxes` are those of the primitives.
+    pub(super) fn new(
+        device: &mut dyn Device,
+        nodes: &[Node],
+        boxes: &[Aabb],
+        rounds: u32,
+    ) -> Result<Self, DeviceError> {
+        let tree = DeviceTree::upload(device, nodes)?;
+        let mut scratch = Scratch::default();
+        let internal = tree.references - 1;
+        let moves = Moves::new(device, &mut scratch, &tree, internal as usize, REPORT_WORDS * rounds)?;
+        let measure = Measure::new(device, &mut scratch, &tree, &moves.report)?;
+        let lists = Lists::new(device, &mut scratch, internal)?;
+        let mut buffer = |label, length, element_bytes| scratch.allocate(&mut *device, label, length, element_bytes);
+        let working = Self {
+            lists,
+            boxes: buffer("boxes", boxes.len(), size_of::<Aabb>())?,
+            order: buffer("order", boxes.len(), 4)?,
+            tree,
+            scratch,
+            moves,
+            measure,
+            root_area: 0.0,
+            scale: 0.0,
+        };
+        let order: Vec<u32> = nodes[internal as usize..].iter().map(|leaf| leaf.down).collect();
+        device.upload(&working.order, bytemuck::cast_slice(&order))?;
+        Ok(working)
+    }
+
+    fn internal(&self) -> u32 {
+        self.tree.references - 1
+    }
+
+    /// Takes other boxes of the primitives; returns the root's.
+    pub(super) fn refit(&mut self, device: &mut dyn Device, boxes: &[Aabb]) -> Result<Aabb, DeviceError> {
+        device.upload(&self.boxes, bytemuck::cast_slice(boxes))?;
+        let mut recording = Recording::new();
+        let params = LeavesParams { count: self.tree.references };
+        let buffers = [&self.order, &self.boxes, &self.tree.nodes];
+        recording.dispatch("refit", Kernel::LbvhLeaves, params.count, &params, &buffers);
+        self.measure.record_refit(&mut recording);
+        self.measure.record_no_arrivals(&mut recording);
+        recording.fetch("refit", &self.tree.nodes, size_of::<Node>());
+        device.run(&recording)?;
+        let mut root = [bytemuck::Zeroable::zeroed()];
+        device.download(&self.tree.nodes, bytemuck::cast_slice_mut::<Node, u8>(&mut root))?;
+        let root = root[0].aabb();
+        self.root_area = root.half_area();
+        self.scale = scale_of(self.root_area.into());
+        Ok(root)
+    }
+
+    /// The sums of the areas.
+    pub(super) fn areas(&mut self, device: &mut dyn Device) -> Result<TreeAreas, DeviceError> {
+        Ok(self.measure.areas(device, Recording::new())?.0)
+    }
+
+    fn params(&self, wanted: u32, round: u32) -> RoundParams {
+        RoundParams {
+            count: self.internal(),
+            nodes: DeviceTree::node_count(self.tree.references),
+            root_area: self.root_area,
+            scale: self.scale,
+            row: round * REPORT_WORDS,
+            wanted,
+            pool: wanted.saturating_mul(POOL),
+            ..bytemuck::Zeroable::zeroed()
+        }
+    }
+
+    /// Runs rounds that search so many nodes each; if `begins`, a new walk from the top of the tree comes before. Returns the report of each round.
+    pub(super) fn rounds(
+        &self,
+        device: &mut dyn Device,
+        settings: &WorstFirst,
+        begins: bool,
+        (rounds, wanted): (u32, u32),
+    ) -> Result<Vec<Report>, DeviceError> {
+        let mut recording = Recording::new();
+        recording.clear("select", &self.moves.report);
+        let of = Of { nodes: &self.tree.nodes, ways: &self.measure.arrivals, moves: &self.moves };
+        let WorstFirst { climb, slack, lock_rounds, .. } = *settings;
+        let trial = Trial { both_orders: false, climb, slack, lock_rounds };
+        for round in 0..rounds {
+            let params = self.params(wanted, round);
+            if begins && round == 0 {
+                self.lists.record_forget(&mut recording);
+                self.lists.record_begin(of, &mut recording, &params, FIRST_STAGES);
+            }
+            self.lists.record_round(of, &mut recording, &params, &trial);
+        }
+        let mut reports = vec![Report::default(); rounds as usize];
+        recording.fetch("search", &self.moves.report, size_of_val(reports.as_slice()));
+        device.run(&recording)?;
+        device.download(&self.moves.report, bytemuck::cast_slice_mut(&mut reports))?;
+        Ok(reports)
+    }
+
+    /// Gives the memory back; nothing is to be done with it any more.
+    pub(super) fn free(&mut self, device: &mut dyn Device) {
+        std::mem::take(&mut self.scratch).free(device);
+        device.free(self.tree.nodes.clone());
+    }
+}
