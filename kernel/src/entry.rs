@@ -10,6 +10,7 @@ macro_rules! kernels {
     )+) => {
         $(
             $(#[$cfg])*
+            #[cfg(target_arch = "spirv")]
             #[doc = concat!("SPIR-V entry point of [`Kernel::", stringify!($variant), "`].")]
             #[spirv(compute(threads(64)))]
             #[inline(always)]
@@ -111,7 +112,6 @@ macro_rules! kernels {
                 assert_eq!(buffers.len(), info.bindings.len(), "buffers of {}", info.name);
                 let mut buffers = buffers.into_iter();
                 let mut next = move || buffers.next().expect("as many buffers as bindings");
-                let workgroups = UVec3::from_array(grid::workgroups(count));
                 match self {
                     $(
                         $(#[$cfg])*
@@ -119,7 +119,10 @@ macro_rules! kernels {
                             let $params: &$params_type = &bytemuck::pod_read_unaligned(push);
                             $(let $buffer = <$view as View<'_>>::bind(next());)+
                             dispatcher.for_each(count, self.grain(), |i| {
-                                $name(UVec3::new(i, 0, 0), workgroups, $params, $($buffer),+);
+                                let $i = i;
+                                if $i < $params.count {
+                                    $body;
+                                }
                             });
                         }
                     )+
