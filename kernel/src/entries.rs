@@ -10,6 +10,7 @@ use crate::atrbvh::{self, LevelsParams, RestructureParams};
 use crate::collapse::{self, CollapseParams, CompactNode, EmitParams, Place, PlacesParams};
 use crate::cost::{self, CostParams};
 use crate::entry::kernels;
+#[cfg(target_arch = "spirv")]
 use crate::grid;
 use crate::kept::{self, Kept, RestoreParams};
 use crate::lbvh::{self, HierarchyParams, LeavesParams};
@@ -35,8 +36,8 @@ use crate::trace::path::{
 };
 use crate::trace::stack::LocalStack;
 use crate::trace::{self as tracing, TraceNode, TraceParams, TraceTriangle, trace};
-use spirv_std::glam::UVec3;
-use spirv_std::spirv;
+#[cfg(target_arch = "spirv")]
+use spirv_std::{glam::UVec3, spirv};
 
 kernels! {
     SetupBoxes setup_boxes(params: BoxesParams) [

@@ -129,6 +129,7 @@ macro_rules! spirv_entry {
         $name:ident($params:ident: $params_type:ty) [$($binding:tt $buffer:ident: $view:ty),+] () |$i:ident| $body:expr
     ) => {
         $(#[$attribute])*
+        #[cfg(target_arch = "spirv")]
         #[spirv(compute(threads(64)))]
         #[inline(always)]
         #[allow(clippy::too_many_arguments, reason = "an entry has a parameter for each buffer")]
@@ -176,14 +177,18 @@ macro_rules! spirv_entry {
 #[cfg(not(target_arch = "spirv"))]
 macro_rules! native_entry {
     ($dispatcher:expr, $count:expr, $grain:expr; $name:ident($params:ident) [$($buffer:ident),+] () |$i:ident| $body:expr) => {
-        let workgroups = UVec3::from_array(grid::workgroups($count));
-        $dispatcher.for_each($count, $grain, |i| $name(UVec3::new(i, 0, 0), workgroups, $params, $($buffer),+));
+        $dispatcher.for_each($count, $grain, |i| {
+            let $i = i;
+            if $i < $params.count {
+                $body;
+            }
+        });
     };
     (
         $dispatcher:expr, $count:expr, $grain:expr;
         $name:ident($params:ident) [$($buffer:ident),+] ($shared:ident: $words:expr) |$w:ident| $body:expr
     ) => {
-        let groups = crate::math::umin($count, $params.count).div_ceil(grid::WORKGROUP_SIZE);
+        let groups = crate::math::umin($count, $params.count).div_ceil($crate::grid::WORKGROUP_SIZE);
         if $dispatcher.is_alone() {
             $dispatcher.for_each(groups, $grain, |group| {
                 let $w = &crate::native::Alone { group };

@@ -1,5 +1,6 @@
 //! How invocations are numbered.
 
+#[cfg(target_arch = "spirv")]
 use spirv_std::glam::UVec3;
 
 /// Invocations of a workgroup; every entry has this literal in `threads(..)`.
@@ -9,12 +10,14 @@ pub const WORKGROUP_SIZE: u32 = 64;
 pub const MAX_WORKGROUPS_X: u32 = 32_768;
 
 /// Number of the invocation in a grid of one or two dimensions.
+#[cfg(target_arch = "spirv")]
 #[inline(always)]
 pub fn linear_id(id: UVec3, workgroups: UVec3) -> u32 {
     id.x + id.y * (workgroups.x * WORKGROUP_SIZE)
 }
 
 /// Number of the workgroup in a grid of one or two dimensions.
+#[cfg(target_arch = "spirv")]
 #[inline(always)]
 pub fn linear_group(id: UVec3, workgroups: UVec3) -> u32 {
     id.x + id.y * workgroups.x
