@@ -27,9 +27,15 @@ use std::time::Duration;
 
 const RAYS: usize = 10_000;
 
-/// A soup with a few large triangles, which spatial splits cut.
+/// A soup with long slivers along the diagonal, which spatial splits cut.
 fn scene() -> Scene {
-    let triangles = [soup(2_000, 0.08, 11), soup(40, 0.9, 12)].concat();
+    let mut triangles = soup(2_000, 0.08, 11);
+    let mut random = Random(12);
+    triangles.extend((0..40).map(|_| {
+        let [a, to_b, to_c] = [random.point(0.3), random.point(0.1), random.point(0.1)];
+        let from_a = |offset: [f32; 3]| [0, 1, 2].map(|k| a[k] + 0.6 + offset[k]);
+        Triangle { a, b: from_a(to_b), c: from_a(to_c) }
+    }));
     Scene::from_triangles("soup", triangles).unwrap()
 }
 
@@ -171,7 +177,8 @@ fn spatial_splits_of_obvhs_come_in_and_go_out() {
     let tree = from_bvh2(&theirs).unwrap();
     // One triangle in several leaves is the only thing that is wrong with it.
     let faults = prbvh::bvh::links_and_leaves(&tree, scene.triangles.len());
-    assert!(!faults.is_empty() && faults.iter().all(|fault| matches!(fault, TreeFault::TriangleTwice { .. })));
+    let others: Vec<_> = faults.iter().filter(|fault| !matches!(fault, TreeFault::TriangleTwice { .. })).collect();
+    assert!(others.is_empty() && !faults.is_empty(), "{} faults, others than that: {others:?}", faults.len());
     let back = to_bvh2(&tree);
     assert!(back.uses_spatial_splits && back.nodes.len() == theirs.nodes.len());
     back.validate(&triangles(&scene), false, true);

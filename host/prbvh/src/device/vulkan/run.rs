@@ -3,6 +3,7 @@
 use super::buffers::Buffers;
 use super::descriptors::{Bindings, DescriptorSets};
 use super::logical::LogicalDevice;
+use super::memory::{Allocation, Range};
 use super::pipeline::{Handles, Pipelines};
 use super::submit::{Submitter, barrier_between};
 use super::timestamps::Timestamps;
@@ -21,8 +22,8 @@ pub(super) struct Runner {
 /// A command with its handles, all alive until the run has ended.
 enum Step<'a> {
     Dispatch { handles: Handles, set: usize, push: &'a [u8], groups: Groups },
-    Clear(vk::Buffer),
-    Copy { from: vk::Buffer, to: vk::Buffer, bytes: u64 },
+    Clear(Range),
+    Copy { from: Range, to: Range },
     Nothing,
 }
 
@@ -102,14 +103,14 @@ impl Runner {
     ) -> Result<Step<'a>, DeviceError> {
         Ok(match command {
             Command::Dispatch(dispatch) => self.dispatch(buffers, dispatch, bindings)?,
-            Command::Clear(buffer) => Step::Clear(buffers.find(buffer)?.buffer()),
+            Command::Clear(buffer) => Step::Clear(buffers.find(buffer)?.range()),
             Command::Copy { from, to } => {
                 let (source, target) = (buffers.find(from)?, buffers.find(to)?);
                 // Vulkan knows no copies of nothing or of a buffer to itself; neither would change a byte.
                 if from == to || source.bytes() == 0 {
                     Step::Nothing
                 } else {
-                    Step::Copy { from: source.buffer(), to: target.buffer(), bytes: source.bytes() }
+                    Step::Copy { from: source.range(), to: target.range() }
                 }
             }
         })
@@ -124,7 +125,7 @@ impl Runner {
         let bound = dispatch
             .buffers
             .iter()
-            .map(|buffer| buffers.find(buffer).map(|allocation| (allocation.buffer(), allocation.bytes())))
+            .map(|buffer| buffers.find(buffer).map(Allocation::range))
             .collect::<Result<_, _>>()?;
         if dispatch.count == 0 {
             return Ok(Step::Nothing);
@@ -134,7 +135,10 @@ impl Runner {
         let set = bindings.len() - 1;
         let groups = match &dispatch.counted {
             None => Groups::Of(grid::workgroups(dispatch.count)),
-            Some(counted) => Groups::In(buffers.find(&counted.buffer)?.buffer(), 4 * (counted.word as u64 + 1)),
+            Some(counted) => {
+                let Range { buffer, offset, .. } = buffers.find(&counted.buffer)?.range();
+                Groups::In(buffer, offset + 4 * (counted.word as u64 + 1))
+            }
         };
         Ok(Step::Dispatch { handles, set, push: &dispatch.push, groups })
     }
@@ -165,14 +169,14 @@ impl Step<'_> {
                     }
                 }
             }
-            Self::Clear(buffer) => {
+            Self::Clear(range) => {
                 // SAFETY: the command buffer is being recorded; the buffer lives until the run has ended.
-                unsafe { device.cmd_fill_buffer(commands, buffer, 0, vk::WHOLE_SIZE, 0) };
+                unsafe { device.cmd_fill_buffer(commands, range.buffer, range.offset, range.padded(), 0) };
             }
-            Self::Copy { from, to, bytes } => {
-                let region = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: bytes };
-                // SAFETY: two different buffers of this size, which live until the run has ended.
-                unsafe { device.cmd_copy_buffer(commands, from, to, &[region]) };
+            Self::Copy { from, to } => {
+                let region = vk::BufferCopy { src_offset: from.offset, dst_offset: to.offset, size: from.bytes };
+                // SAFETY: two different ranges of this size, which live until the run has ended.
+                unsafe { device.cmd_copy_buffer(commands, from.buffer, to.buffer, &[region]) };
             }
             Self::Nothing => {}
         }

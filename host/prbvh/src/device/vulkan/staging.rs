@@ -24,15 +24,14 @@ impl Staging {
         Ok(Self { device: Arc::clone(device), window: window(device, FIRST_BYTES)? })
     }
 
-    /// Copies `bytes` to the start of a buffer, which is at least as large.
+    /// Copies `bytes` to some byte of a buffer on, which reaches at least as far.
     pub(super) fn upload(
         &mut self,
         submitter: &mut Submitter,
-        to: vk::Buffer,
+        (to, mut offset): (vk::Buffer, u64),
         bytes: &[u8],
     ) -> Result<(), DeviceError> {
         let size = self.reserve(bytes.len())?;
-        let mut offset = 0;
         for piece in bytes.chunks(size) {
             self.window()?[..piece.len()].copy_from_slice(piece);
             let region = vk::BufferCopy { src_offset: 0, dst_offset: offset, size: piece.len() as u64 };
