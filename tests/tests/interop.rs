@@ -263,7 +263,9 @@ fn nodes_of_embree_lead_to_the_same_hits() {
                 continue;
             }
             let node = nodes[(at.0 - nodes_at) as usize / 128];
-            stack.extend((0..4).filter(|&k| prepared.enters(&node.aabb(k), f32::MAX).is_finite()).map(|k| node.children[k]));
+            stack.extend(
+                (0..4).filter(|&k| prepared.enters(&node.aabb(k), f32::MAX).is_finite()).map(|k| node.children[k]),
+            );
         }
         nearest(ray, &scene, candidates.into_iter())
     };

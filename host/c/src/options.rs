@@ -160,7 +160,8 @@ impl PrbvhOptions {
         if self.max_iterations > 0 {
             limits.max_iterations = self.max_iterations;
         }
-        let wrong = |name: &str, value: f64| Failure::argument(format!("options.{name} is {value}, but must be at least 0"));
+        let wrong =
+            |name: &str, value: f64| Failure::argument(format!("options.{name} is {value}, but must be at least 0"));
         if self.target_cost.is_nan() || self.target_cost < 0.0 {
             return Err(wrong("target_cost", self.target_cost));
         }

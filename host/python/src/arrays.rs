@@ -15,9 +15,9 @@ fn array<'py, T: Element>(
         let kind = argument.get_type().qualname().map_or_else(|_| "it".to_owned(), |kind| kind.to_string());
         PyTypeError::new_err(format!("{name} must be a numpy array of {dtype}, but is of type {kind}"))
     })?;
-    let typed = argument.cast::<PyArrayDyn<T>>().map_err(|_| {
-        PyTypeError::new_err(format!("{name} must be of dtype {dtype}, but is of {}", untyped.dtype()))
-    })?;
+    let typed = argument
+        .cast::<PyArrayDyn<T>>()
+        .map_err(|_| PyTypeError::new_err(format!("{name} must be of dtype {dtype}, but is of {}", untyped.dtype())))?;
     let have = untyped.shape();
     if have.len() != shape.len() + 1 || have[1..] != *shape {
         let need: Vec<String> = shape.iter().map(ToString::to_string).collect();

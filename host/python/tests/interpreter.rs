@@ -6,8 +6,7 @@ use std::process::Command;
 pub(crate) fn with_numpy() -> Result<(String, String), String> {
     let chosen = std::env::var("PRBVH_PYTHON").ok();
     let candidates = [chosen.as_deref(), Some("python3"), Some("/usr/bin/python3")];
-    const PROGRAM: &str =
-        "import sys, numpy; print('Python', sys.version.split()[0], 'with numpy', numpy.__version__)";
+    const PROGRAM: &str = "import sys, numpy; print('Python', sys.version.split()[0], 'with numpy', numpy.__version__)";
     for program in candidates.into_iter().flatten() {
         if let Ok(output) = Command::new(program).args(["-c", PROGRAM]).output()
             && output.status.success()
@@ -16,5 +15,6 @@ pub(crate) fn with_numpy() -> Result<(String, String), String> {
             return Ok((program.to_owned(), text));
         }
     }
-    Err("no python3 with numpy (Debian and Ubuntu: apt-get install python3-numpy; or set PRBVH_PYTHON to one)".to_owned())
+    Err("no python3 with numpy (Debian and Ubuntu: apt-get install python3-numpy; or set PRBVH_PYTHON to one)"
+        .to_owned())
 }

@@ -17,9 +17,8 @@ fn the_tests_in_python_pass() {
         println!("not run: the_tests_in_python_pass (PRBVH_WITHOUT_PYTHON=1)");
         return;
     }
-    let (python, _) = interpreter::with_numpy().unwrap_or_else(|missing| {
-        panic!("{missing}. PRBVH_WITHOUT_PYTHON=1 leaves the tests of the module out.")
-    });
+    let (python, _) = interpreter::with_numpy()
+        .unwrap_or_else(|missing| panic!("{missing}. PRBVH_WITHOUT_PYTHON=1 leaves the tests of the module out."));
 
     // The package as pip would install it.
     let package = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -83,8 +83,7 @@ impl Given {
         let theirs = on_host(device, || ploc(triangles));
         let cost = cost(&theirs, scene).unwrap_or_else(|error| panic!("{}: {error}", scene.name));
         let working = SafeRange::of(&scene.triangles).apply(&scene.triangles);
-        let tree: Bvh =
-            from_bvh2(&theirs).unwrap_or_else(|faults| panic!("{}: {}", scene.name, bvh::summary(&faults)));
+        let tree: Bvh = from_bvh2(&theirs).unwrap_or_else(|faults| panic!("{}: {}", scene.name, bvh::summary(&faults)));
         let ours = tree.with_boxes_of(&working).to_device().unwrap_or_else(|error| panic!("{}: {error}", scene.name));
         Self { theirs, ours, cost }
     }

@@ -21,9 +21,7 @@ pub fn build<N>(
     while let Some((v, has_children)) = stack.pop() {
         let node = &tree.nodes[v as usize];
         let new = match node.content {
-            Content::Leaf { first, count } => {
-                leaf(&tree.triangle_order[first as usize..][..count as usize], node.aabb)
-            }
+            Content::Leaf { first, count } => leaf(&tree.triangle_order[first as usize..][..count as usize], node.aabb),
             Content::Internal { left, right } if !has_children => {
                 visits += 1;
                 assert!(visits <= tree.nodes.len(), "the links are no tree");

@@ -209,7 +209,13 @@ mod tests {
     }
 
     /// Checks that boxes hold what is below them; the triangles below a node, in order.
-    fn below(nodes: &[Node4], at: NodeRef, aabb: Aabb, tree: &Bvh, triangles: &[prbvh_kernel::setup::Triangle]) -> Vec<u32> {
+    fn below(
+        nodes: &[Node4],
+        at: NodeRef,
+        aabb: Aabb,
+        tree: &Bvh,
+        triangles: &[prbvh_kernel::setup::Triangle],
+    ) -> Vec<u32> {
         if let Some((address, blocks)) = at.as_leaf() {
             let held = &tree.triangle_order[address as usize / 16..][..blocks as usize];
             assert!(held.iter().all(|&t| aabb.contains(triangles[t as usize].aabb())));

@@ -2,8 +2,8 @@
 //!
 //! | library | module | feature |
 //! |---|---|---|
-//! | obvhs 0.4 | [`obvhs`](mod@obvhs) | `obvhs` |
-//! | `bvh` 0.13 | [`bvh`](mod@bvh) | `bvh` |
+//! | obvhs 0.4 | `interop::obvhs` | `obvhs` |
+//! | `bvh` 0.13 | `interop::bvh` | `bvh` |
 //! | tinybvh 1.6: `BVH`, `BVH_GPU` | [`tinybvh`] | |
 //! | Embree 4: nodes of `BVH4`, callbacks of `rtcBuildBVH` | [`embree`] | |
 //! | any with siblings side by side | [`FlatTree`](crate::bvh::FlatTree) | |

@@ -95,7 +95,7 @@ fn a_tree_is_made_better_where_the_caller_has_it() {
 
     // The caller's buffer begins with something else, which stays, and ends with something else.
     let offset = 256;
-    let bytes = std::mem::size_of_val(&nodes[..]) as u64;
+    let bytes = size_of_val(&nodes[..]) as u64;
     let (buffer, memory) = caller.buffer(offset + bytes + 64);
     let semaphore = caller.semaphore();
     // SAFETY: the handles are what they say and outlive the device; nobody else uses the queue.

@@ -5,12 +5,12 @@ mod pipeline;
 
 use super::*;
 use bytemuck::Zeroable;
+use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::mem::Slot;
 use prbvh_kernel::prbvh::PrbvhParams;
 use prbvh_kernel::setup::{self, BOUNDS_CHUNK, BoundsParams, BoxesParams, Triangle};
 use prbvh_kernel::sort::GatherParams;
-use prbvh_kernel::Kernel;
 
 /// Words of a 2-D grid with a ragged end; 65,535 workgroups hold 4,194,240.
 const MANY_WORDS: u32 = 5_000_001;
