@@ -7,7 +7,7 @@ use std::process::Command;
 
 #[path = "../../tests/src/browser/places.rs"]
 mod browsers;
-#[path = "../../host/python/tests/interpreter.rs"]
+#[path = "../../host/python/tests/interpreter/mod.rs"]
 mod interpreters;
 
 /// Something that tests need.
