@@ -5,7 +5,6 @@ use crate::status::Failure;
 use bytemuck::Zeroable;
 use prbvh::build::DEFAULT_RADIUS;
 use prbvh::bvh::MaxDepth;
-use prbvh::collapse::CollapseSettings;
 use prbvh::device::{DeviceChoice, Selection};
 use prbvh::pipeline::{Initial, Settings};
 use std::ffi::{c_int, c_void};
@@ -137,25 +136,6 @@ impl PrbvhOptions {
     /// What a run is asked for.
     pub(crate) fn settings(&self) -> Result<Settings, Failure> {
         let mut settings = Settings::default();
-        settings.initial = match self.initial {
-            0 => Initial::Lbvh,
-            1 => Initial::Ploc { radius: DEFAULT_RADIUS },
-            2 => Initial::SahBinned,
-            3 => Initial::SahSweep,
-            other => {
-                return Err(Failure::argument(format!("options.initial is {other}, but the last PrbvhInitial is 3")));
-            }
-        };
-        settings.max_depth = match self.max_depth {
-            0 => settings.max_depth,
-            u32::MAX => MaxDepth::OFF,
-            links => MaxDepth::new(links),
-        };
-        if self.max_leaf > 1 {
-            let mut collapse = CollapseSettings::default();
-            collapse.max_leaf = Some(self.max_leaf);
-            settings.adaptive = Some(collapse);
-        }
         let limits = settings.limits_mut();
         if self.max_iterations > 0 {
             limits.max_iterations = self.max_iterations;
@@ -176,6 +156,23 @@ impl PrbvhOptions {
                 Err(_) if self.max_seconds > 0.0 => None,
                 Err(_) => return Err(wrong("max_seconds", self.max_seconds)),
             };
+        }
+        settings.initial = match self.initial {
+            0 => Initial::Lbvh,
+            1 => Initial::Ploc { radius: DEFAULT_RADIUS },
+            2 => Initial::SahBinned,
+            3 => Initial::SahSweep,
+            other => {
+                return Err(Failure::argument(format!("options.initial is {other}, but the last PrbvhInitial is 3")));
+            }
+        };
+        settings.max_depth = match self.max_depth {
+            0 => settings.max_depth,
+            u32::MAX => MaxDepth::OFF,
+            links => MaxDepth::new(links),
+        };
+        if self.max_leaf > 1 {
+            settings.adaptive.get_or_insert_default().max_leaf = Some(self.max_leaf);
         }
         Ok(settings)
     }

@@ -1,7 +1,5 @@
 //! Your Vulkan: your instance, device and queue, triangles in a buffer of yours, the tree in another, semaphores between your work and ours.
-//!
-//! Every `unsafe` here is a call of Vulkan or a promise about its objects.
-#![allow(unsafe_code, reason = "calls of Vulkan")]
+#![allow(unsafe_code, clippy::undocumented_unsafe_blocks, reason = "calls of Vulkan, and promises about its objects")]
 
 use prbvh::bvh::{FlatNode, FlatTree};
 use prbvh::device::Device;

@@ -2,7 +2,6 @@
 
 use prbvh::build::DEFAULT_RADIUS;
 use prbvh::bvh::MaxDepth;
-use prbvh::collapse::CollapseSettings;
 use prbvh::device::DeviceChoice;
 use prbvh::pipeline::{Initial, Settings};
 use pyo3::exceptions::PyValueError;
@@ -47,6 +46,20 @@ impl<'py> Options<'py> {
     pub(crate) fn settings(&self) -> PyResult<Settings> {
         let Self(_, _, initial, max_iterations, max_time, target_cost, max_leaf, max_depth, _) = self;
         let mut settings = Settings::default();
+        let limits = settings.limits_mut();
+        if let Some(most) = max_iterations {
+            limits.max_iterations = *most;
+        }
+        if let Some(seconds) = *max_time {
+            let time = Duration::try_from_secs_f64(seconds);
+            limits.max_time = Some(time.map_err(|_| wrong("max_time", seconds, "a number of seconds"))?);
+        }
+        if let Some(cost) = *target_cost {
+            if cost.is_nan() || cost < 0.0 {
+                return Err(wrong("target_cost", cost, "at least 0"));
+            }
+            limits.target_cost = Some(cost);
+        }
         settings.initial = match initial.as_str() {
             "lbvh" => Initial::Lbvh,
             "ploc" => Initial::Ploc { radius: DEFAULT_RADIUS },
@@ -66,24 +79,8 @@ impl<'py> Options<'py> {
             0 => return Err(wrong("max_leaf", 0, "at least 1")),
             1 => {}
             most => {
-                let mut collapse = CollapseSettings::default();
-                collapse.max_leaf = Some(*most);
-                settings.adaptive = Some(collapse);
+                settings.adaptive.get_or_insert_default().max_leaf = Some(*most);
             }
-        }
-        let limits = settings.limits_mut();
-        if let Some(most) = max_iterations {
-            limits.max_iterations = *most;
-        }
-        if let Some(seconds) = *max_time {
-            let time = Duration::try_from_secs_f64(seconds);
-            limits.max_time = Some(time.map_err(|_| wrong("max_time", seconds, "a number of seconds"))?);
-        }
-        if let Some(cost) = *target_cost {
-            if cost.is_nan() || cost < 0.0 {
-                return Err(wrong("target_cost", cost, "at least 0"));
-            }
-            limits.target_cost = Some(cost);
         }
         Ok(settings)
     }

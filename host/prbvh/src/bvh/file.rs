@@ -82,7 +82,7 @@ pub fn write(path: &Path, tree: &Bvh, scene_hash: &str) -> Result<(), TreeFileEr
     }
     let header = header(tree, scene_hash)
         .ok_or_else(|| TreeFileError::SceneHash { path: path.to_owned(), hash: scene_hash.to_owned() })?;
-    let layout = FlatTree::new(tree).to_little_endian();
+    let layout = FlatTree::new(tree).into_little_endian();
     let mut checksum = blake3::Hasher::new();
     write_atomically(path, |out| {
         let [nodes, order] = layout.bytes();

@@ -89,7 +89,7 @@ impl FlatTree {
     }
 
     /// The words of the machine as those of a file: little-endian. Does nothing on most machines.
-    pub(super) fn to_little_endian(mut self) -> Self {
+    pub(super) fn into_little_endian(mut self) -> Self {
         if cfg!(target_endian = "big") {
             let nodes: &mut [u32] = bytemuck::cast_slice_mut(&mut self.nodes);
             nodes.iter_mut().chain(&mut self.order).for_each(|word| *word = word.to_le());

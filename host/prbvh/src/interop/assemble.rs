@@ -46,7 +46,7 @@ mod tests {
     /// What an engine may have.
     enum Pointers {
         Leaf(Vec<u32>),
-        Internal([(Box<Pointers>, Aabb); 2]),
+        Internal([(Box<Self>, Aabb); 2]),
     }
 
     fn flattened(root: Pointers, aabb: Aabb) -> Bvh {
