@@ -51,7 +51,9 @@ fn steps() -> Result<Vec<(&'static str, Command)>> {
         ("doc", doc),
         (
             "packages",
-            cargo("package --workspace --exclude prbvh-tests --exclude xtask --no-verify --allow-dirty --quiet")?,
+            cargo(
+                "package --workspace --exclude prbvh-tests --exclude prbvh-python --exclude xtask --no-verify --allow-dirty --quiet",
+            )?,
         ),
     ])
 }

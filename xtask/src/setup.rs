@@ -1,4 +1,4 @@
-//! `cargo xtask setup`: what the tests need beside Rust: a Vulkan driver, its validation layer and a browser.
+//! `cargo xtask setup`: what the tests need beside Rust: a Vulkan driver, its validation layer, a browser, and Python with numpy.
 
 use crate::repo;
 use crate::vulkan;
@@ -7,6 +7,8 @@ use std::process::Command;
 
 #[path = "../../tests/src/browser/places.rs"]
 mod browsers;
+#[path = "../../host/python/tests/interpreter/mod.rs"]
+mod interpreters;
 
 /// Something that tests need.
 struct Need {
@@ -21,7 +23,7 @@ struct Need {
     advice: fn(&str) -> &'static str,
 }
 
-const NEEDS: [Need; 3] = [
+const NEEDS: [Need; 4] = [
     Need {
         name: "Vulkan driver",
         packages: &["mesa-vulkan-drivers", "libvulkan1"],
@@ -67,6 +69,13 @@ const NEEDS: [Need; 3] = [
             "macos" => "`brew install --cask chromium`, or set CHROME to a browser of its family",
             _ => "install Chrome or Edge, or set CHROME to a browser of their family",
         },
+    },
+    Need {
+        name: "Python with numpy",
+        packages: &["python3", "python3-numpy"],
+        without: "PRBVH_WITHOUT_PYTHON",
+        look: || interpreters::with_numpy().map(|(program, version)| format!("{program}, {version}")),
+        advice: |_| "`python3 -m pip install numpy`, or set PRBVH_PYTHON to a Python that has it",
     },
 ];
 

@@ -112,6 +112,7 @@ pub mod device;
 mod fold;
 #[doc(hidden)]
 pub mod format;
+pub mod interop;
 pub mod optimize;
 pub mod pipeline;
 pub mod plan;

@@ -3,12 +3,13 @@
 use crate::ours::{self, Configuration, Family, OurRuns};
 use crate::theirs::{self, TheirRuns};
 use obvhs::triangle::Triangle;
-use prbvh::bvh::Bvh;
+use prbvh::bvh::{self, Bvh};
 use prbvh::device::{Device, on_host};
+use prbvh::interop::obvhs::from_bvh2;
 use prbvh::scene::{SafeRange, Scene};
 use prbvh_kernel::node::Node;
 use prbvh_tests::bench::curve::{Curve, Point, first_to_reach, lowest, time_to_reach};
-use prbvh_tests::bench::obvhs::{cost, decoded, ploc, triangles};
+use prbvh_tests::bench::obvhs::{cost, ploc, triangles};
 use prbvh_tests::bench::targets::{AgainstPublished, PeerPoint, SceneResult};
 use serde::Serialize;
 use std::time::Duration;
@@ -82,8 +83,8 @@ impl Given {
         let theirs = on_host(device, || ploc(triangles));
         let cost = cost(&theirs, scene).unwrap_or_else(|error| panic!("{}: {error}", scene.name));
         let working = SafeRange::of(&scene.triangles).apply(&scene.triangles);
-        let tree: Bvh = decoded(&theirs).with_boxes_of(&working);
-        let ours = tree.to_device().unwrap_or_else(|error| panic!("{}: {error}", scene.name));
+        let tree: Bvh = from_bvh2(&theirs).unwrap_or_else(|faults| panic!("{}: {}", scene.name, bvh::summary(&faults)));
+        let ours = tree.with_boxes_of(&working).to_device().unwrap_or_else(|error| panic!("{}: {error}", scene.name));
         Self { theirs, ours, cost }
     }
 }

@@ -4,7 +4,8 @@ use glam::Vec3A;
 use obvhs::bvh2::Bvh2;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use obvhs::triangle::Triangle;
-use prbvh::bvh::{self, Bvh, BvhNode, Content, NO_NODE, SahModel, TreeFault, quality, validate};
+use prbvh::bvh::{self, SahModel, TreeFault, quality, validate};
+use prbvh::interop::obvhs::from_bvh2;
 use prbvh::scene::Scene;
 use prbvh_kernel::aabb::Aabb;
 
@@ -29,41 +30,16 @@ pub fn ploc(triangles: &[Triangle]) -> Bvh2 {
     builder.build(PlocSearchDistance::VeryHigh, triangles, indices, SortPrecision::U64, 0)
 }
 
-/// The tree in our form, with the peer's own boxes.
-#[must_use]
-pub fn decoded(tree: &Bvh2) -> Bvh {
-    let node = |node: &obvhs::bvh2::node::Bvh2Node| {
-        let aabb = Aabb { min: node.aabb().min.to_array(), max: node.aabb().max.to_array() };
-        let first = node.first_index;
-        let content = match node.prim_count {
-            0 => Content::Internal { left: first, right: first + 1 },
-            count => Content::Leaf { first, count },
-        };
-        BvhNode { aabb, parent: NO_NODE, content }
-    };
-    let mut nodes: Vec<BvhNode> = tree.nodes.iter().map(node).collect();
-    for v in 0..nodes.len() {
-        if let Content::Internal { left, right } = nodes[v].content {
-            for child in [left, right] {
-                if let Some(child) = nodes.get_mut(child as usize) {
-                    child.parent = v as u32;
-                }
-            }
-        }
-    }
-    Bvh { nodes, triangle_order: tree.primitive_indices.clone() }
-}
-
 /// SAH cost of the tree over the scene by our evaluator.
 ///
 /// # Errors
 /// If it is no tree over the triangles with one of them in each leaf, or its own boxes do not hold them.
 pub fn cost(tree: &Bvh2, scene: &Scene) -> Result<f64, String> {
-    let decoded = decoded(tree);
+    let invalid = |faults: Vec<TreeFault>| format!("{PROGRAM}: {}", bvh::summary(&faults));
+    let decoded = from_bvh2(tree).map_err(invalid)?;
     let mut bare = decoded.clone();
     let nowhere = Aabb { min: [0.0; 3], max: [0.0; 3] };
     bare.nodes.iter_mut().for_each(|node| node.aabb = nowhere);
-    let invalid = |faults: Vec<TreeFault>| format!("{PROGRAM}: {}", bvh::summary(&faults));
     let shape = validate(&bare, None).map_err(invalid)?;
     if shape.leaves as usize != scene.triangles.len() {
         return Err(format!("{PROGRAM}: {} leaves over {} triangles", shape.leaves, scene.triangles.len()));
@@ -94,7 +70,7 @@ mod tests {
     fn a_tree_of_the_peer_has_the_cost_of_its_boxes() {
         let (scene, mut tree) = built();
         let before = cost(&tree, &scene).unwrap();
-        let claimed = quality(&decoded(&tree), &SahModel::default()).sah_cost;
+        let claimed = quality(&from_bvh2(&tree).unwrap(), &SahModel::default()).sah_cost;
         assert!((claimed / before - 1.0).abs() < 1e-9, "{claimed} {before}");
         ReinsertionOptimizer::default().run(&mut tree, 1.0, None);
         let after = cost(&tree, &scene).unwrap();

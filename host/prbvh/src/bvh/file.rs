@@ -1,6 +1,6 @@
 //! `tree.bvh`: a tree on disk. The format is described in `docs/tree-format.md`.
 
-use super::layout::Layout;
+use super::layout::FlatTree;
 use super::parse::{NODE_BYTES, parse};
 use super::validate::structure_faults;
 use super::{Bvh, summary};
@@ -83,7 +83,7 @@ pub fn write(path: &Path, tree: &Bvh, scene_hash: &str) -> Result<(), TreeFileEr
     }
     let header = header(tree, scene_hash)
         .ok_or_else(|| TreeFileError::SceneHash { path: path.to_owned(), hash: scene_hash.to_owned() })?;
-    let layout = Layout::new(tree);
+    let layout = FlatTree::new(tree).into_little_endian();
     let mut checksum = blake3::Hasher::new();
     write_atomically(path, |out| {
         let [nodes, order] = layout.bytes();

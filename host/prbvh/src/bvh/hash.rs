@@ -1,7 +1,7 @@
 //! One number that says whether two trees are the same.
 
 use super::Bvh;
-use super::layout::Layout;
+use super::layout::FlatTree;
 use prbvh_kernel::aabb::Aabb;
 
 /// 128 bits of BLAKE3 over the canonical layout (that of the tree file), as 32 hexadecimal digits.
@@ -18,7 +18,7 @@ pub fn tree_hash(tree: &Bvh) -> String {
     // The counts keep two different pairs of arrays from running together to the same bytes.
     hasher.update(&(tree.nodes.len() as u64).to_le_bytes());
     hasher.update(&(tree.triangle_order.len() as u64).to_le_bytes());
-    for bytes in Layout::new(tree).bytes() {
+    for bytes in FlatTree::new(tree).into_little_endian().bytes() {
         hasher.update(bytes);
     }
     hasher.finalize().to_hex()[..32].to_owned()

@@ -10,6 +10,7 @@
 //! | is it too deep? | [`bound_depth`] |
 //! | is it the same? | [`tree_hash`] |
 //! | keep it | [`file::write`], [`file::read`] |
+//! | arrays of 32-byte nodes | [`FlatTree`], [`Bvh::from_flat`] |
 //!
 //! All walks use a stack of their own on the heap: a tree may be as deep as it has triangles.
 
@@ -37,6 +38,7 @@ pub use encode::EncodeError;
 pub use epo::{Epo, EpoProgress, epo, epo_budget, epo_watched};
 pub use fault::{Link, TreeFault, summary};
 pub use hash::{topology_hash, tree_hash};
+pub use layout::{FlatNode, FlatTree};
 pub use quality::{Quality, SahModel, quality};
 pub use references::validate_references;
 pub(crate) use references::{pieces, reference_faults};

@@ -1,18 +1,11 @@
 //! From the bytes of the canonical layout to the tree.
 
-use super::layout::LayoutNode;
+use super::layout::FlatNode;
 use super::{Bvh, BvhNode, Content, NO_NODE, ROOT};
 use prbvh_kernel::aabb::Aabb;
 
-/// Bytes of a [`LayoutNode`].
-pub(super) const NODE_BYTES: usize = size_of::<LayoutNode>();
-
-impl LayoutNode {
-    fn aabb(&self) -> Aabb {
-        let floats = |bits: [u32; 3]| bits.map(|x| f32::from_bits(u32::from_le(x)));
-        Aabb { min: floats(self.min), max: floats(self.max) }
-    }
-}
+/// Bytes of a [`FlatNode`].
+pub(super) const NODE_BYTES: usize = size_of::<FlatNode>();
 
 /// Why bytes are no canonical layout.
 #[derive(Debug, PartialEq, Eq)]
@@ -37,8 +30,9 @@ pub(super) fn parse(nodes: &[u8], order: &[u8]) -> Result<Bvh, LayoutError> {
     let mut stack = vec![(ROOT, NO_NODE)];
     while let Some((v, parent)) = stack.pop() {
         let at = v as usize * NODE_BYTES;
-        let node: LayoutNode = bytemuck::pod_read_unaligned(&nodes[at..at + NODE_BYTES]);
-        let (first, count) = (u32::from_le(node.first), u32::from_le(node.count));
+        let words: [u32; NODE_BYTES / 4] = bytemuck::pod_read_unaligned(&nodes[at..at + NODE_BYTES]);
+        let node: FlatNode = bytemuck::cast(words.map(u32::from_le));
+        let (first, count) = (node.first, node.count);
         let expected = if count == 0 { next_node } else { next_position };
         if first != expected {
             let what = if count == 0 { "left child" } else { "first position" };

@@ -3,9 +3,9 @@
 use super::PeerTree;
 use bvh::aabb::{Aabb, Bounded};
 use bvh::bounding_hierarchy::{BHShape, BoundingHierarchy};
-use bvh::bvh::{Bvh, BvhNode};
+use bvh::bvh::Bvh;
 use nalgebra::Point3;
-use prbvh::bvh::Content;
+use prbvh::interop::bvh::from_bvh;
 use prbvh_kernel::setup::Triangle;
 use std::time::Instant;
 
@@ -36,15 +36,5 @@ pub(super) fn build(triangles: &[Triangle]) -> PeerTree {
     let start = Instant::now();
     let tree = Bvh::build_par(&mut shapes);
     let build_s = start.elapsed().as_secs_f64();
-    let content = |node: &BvhNode<f32, 3>| match *node {
-        BvhNode::Leaf { shape_index, .. } => Content::Leaf { first: shape_index as u32, count: 1 },
-        BvhNode::Node { child_l_index, child_r_index, .. } => {
-            Content::Internal { left: child_l_index as u32, right: child_r_index as u32 }
-        }
-    };
-    PeerTree {
-        build_s,
-        nodes: tree.nodes.iter().map(content).collect(),
-        triangle_order: (0..triangles.len() as u32).collect(),
-    }
+    PeerTree::of(from_bvh(&tree), build_s)
 }

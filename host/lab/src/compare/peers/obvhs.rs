@@ -7,7 +7,7 @@ use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2_from_tris;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
-use prbvh::bvh::Content;
+use prbvh::interop::obvhs::from_bvh2;
 use prbvh_kernel::setup::Triangle;
 use std::time::{Duration, Instant};
 
@@ -45,16 +45,5 @@ fn converted(triangles: &[Triangle]) -> Vec<obvhs::triangle::Triangle> {
 }
 
 fn handed_out(tree: &Bvh2, took: Duration) -> PeerTree {
-    let content = |node: &obvhs::bvh2::node::Bvh2Node| {
-        let first = node.first_index;
-        match node.prim_count {
-            0 => Content::Internal { left: first, right: first + 1 },
-            count => Content::Leaf { first, count },
-        }
-    };
-    PeerTree {
-        build_s: took.as_secs_f64(),
-        nodes: tree.nodes.iter().map(content).collect(),
-        triangle_order: tree.primitive_indices.clone(),
-    }
+    PeerTree::of(from_bvh2(tree), took.as_secs_f64())
 }

@@ -48,6 +48,17 @@ pub enum WireError {
 }
 
 impl PeerTree {
+    /// What the conversion of a library's tree gave.
+    ///
+    /// # Panics
+    /// If it is no tree, as the process of a peer may: its message is that of the row.
+    #[cfg(feature = "peers")]
+    pub(super) fn of(tree: Result<Bvh, Vec<prbvh::bvh::TreeFault>>, build_s: f64) -> Self {
+        let tree = tree.unwrap_or_else(|faults| panic!("{}", prbvh::bvh::summary(&faults)));
+        let nodes = tree.nodes.iter().map(|node| node.content).collect();
+        Self { build_s, nodes, triangle_order: tree.triangle_order }
+    }
+
     /// The tree, without boxes and unchecked.
     #[must_use]
     pub fn into_bvh(self) -> Bvh {

@@ -3,6 +3,7 @@
 use super::logical::LogicalDevice;
 use super::memory::{Access, Allocation, Purpose};
 use crate::device::{Buffer, DeviceError, MemoryUse};
+use ash::vk;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -42,6 +43,29 @@ impl Buffers {
         Ok((buffer, allocation))
     }
 
+    /// A handle of a buffer of the caller's, whose memory does not count.
+    pub(super) fn adopt(
+        &mut self,
+        label: &'static str,
+        (raw, offset): (vk::Buffer, u64),
+        length: usize,
+        element_bytes: usize,
+    ) -> Result<Buffer, DeviceError> {
+        let bytes = (length as u64).saturating_mul(element_bytes as u64);
+        let alignment = self.device.physical().properties.limits.min_storage_buffer_offset_alignment.max(4);
+        if !offset.is_multiple_of(alignment) || bytes == 0 || !bytes.is_multiple_of(4) {
+            let problem = format!(
+                "{bytes} bytes from byte {offset} on, but the offset must be a multiple of {alignment} \
+                 (minStorageBufferOffsetAlignment), and the size one of 4 above 0"
+            );
+            return Err(DeviceError::Buffer { label, problem });
+        }
+        self.check_limits(&format!("buffer {label}"), bytes)?;
+        let buffer = Buffer::new(label, length, element_bytes);
+        self.live.insert(buffer.id, (buffer.clone(), Allocation::of_caller(raw, offset, bytes)));
+        Ok(buffer)
+    }
+
     fn check_limits(&self, what: &str, bytes: u64) -> Result<(), DeviceError> {
         let summary = &self.device.physical().summary;
         let allocations = self.live.len() as u64 + 1 + OTHER_ALLOCATIONS;
@@ -61,6 +85,7 @@ impl Buffers {
     pub(super) fn free(&mut self, buffer: &Buffer) {
         if self.find(buffer).is_ok()
             && let Some((_, allocation)) = self.live.remove(&buffer.id)
+            && allocation.is_own()
         {
             self.memory.bytes -= allocation.bytes();
         }

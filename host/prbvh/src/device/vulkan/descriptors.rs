@@ -2,16 +2,17 @@
 
 use super::error::Call;
 use super::logical::LogicalDevice;
+use super::memory::Range;
 use super::objects::DescriptorPool;
 use crate::device::DeviceError;
 use ash::vk;
 use std::sync::Arc;
 
-/// Buffers of a dispatch: its set layout, and handle and bytes of each buffer in the order of the bindings.
+/// Buffers of a dispatch: its set layout, and the buffers in the order of the bindings.
 #[derive(PartialEq)]
 pub(super) struct Bindings {
     pub(super) layout: vk::DescriptorSetLayout,
-    pub(super) buffers: Vec<(vk::Buffer, u64)>,
+    pub(super) buffers: Vec<Range>,
 }
 
 /// Memory of the descriptor sets of one run, used again by the next.
@@ -68,11 +69,11 @@ impl DescriptorSets {
             .call("vkResetDescriptorPool")
     }
 
-    fn write(&self, set: vk::DescriptorSet, buffers: &[(vk::Buffer, u64)]) {
+    fn write(&self, set: vk::DescriptorSet, buffers: &[Range]) {
         let infos: Vec<_> = buffers
             .iter()
             // A kernel sees as many elements as the range holds. A range is never empty.
-            .map(|&(buffer, bytes)| vk::DescriptorBufferInfo { buffer, offset: 0, range: bytes.max(1) })
+            .map(|&Range { buffer, offset, bytes }| vk::DescriptorBufferInfo { buffer, offset, range: bytes.max(1) })
             .collect();
         // The bindings are numbered from 0, so one write runs through all of them.
         let writes = [vk::WriteDescriptorSet::default()

@@ -2,7 +2,7 @@
 
 use super::buffers::Buffers;
 use super::logical::LogicalDevice;
-use super::memory::{Allocation, Purpose};
+use super::memory::{Allocation, Purpose, Range};
 use crate::device::{Command, DeviceError};
 use ash::vk;
 use std::sync::Arc;
@@ -18,7 +18,7 @@ pub(super) struct Fetched {
 
 /// The start of a buffer, from a byte of the window on.
 struct Part {
-    from: vk::Buffer,
+    from: Range,
     at: usize,
     bytes: usize,
 }
@@ -56,13 +56,14 @@ impl Fetched {
             return None;
         }
         let at = self.parts.last().map_or(0, |last| last.at + last.bytes);
-        self.parts.push(Part { from: from.buffer(), at, bytes });
-        let region = vk::BufferCopy { src_offset: 0, dst_offset: at as u64, size: bytes as u64 };
+        let from = from.range();
+        self.parts.push(Part { from, at, bytes });
+        let region = vk::BufferCopy { src_offset: from.offset, dst_offset: at as u64, size: bytes as u64 };
         Some((self.window.buffer(), region))
     }
 
     /// `bytes` bytes of a buffer from `first` on, if they were fetched.
-    pub(super) fn get(&mut self, from: vk::Buffer, first: usize, bytes: usize) -> Option<&[u8]> {
+    pub(super) fn get(&mut self, from: Range, first: usize, bytes: usize) -> Option<&[u8]> {
         let holds = |part: &&Part| part.from == from && first.checked_add(bytes).is_some_and(|end| end <= part.bytes);
         let start = self.parts.iter().rev().find(holds)?.at + first;
         self.window.mapped()?.get(start..start + bytes)

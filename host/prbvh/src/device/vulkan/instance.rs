@@ -35,6 +35,11 @@ impl Instance {
         Ok(shared.insert(instance))
     }
 
+    /// One of the caller's.
+    pub(super) fn of_caller(raw: ash::Instance) -> Self {
+        Self { raw, is_validated: false }
+    }
+
     fn new(validate: bool) -> Result<Self, DeviceError> {
         let entry = entry()?;
         let extensions = Extensions::of(entry, None)?;

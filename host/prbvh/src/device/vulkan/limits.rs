@@ -107,7 +107,23 @@ impl PhysicalDevice {
         Ok(devices.into_iter().enumerate().map(|(index, raw)| Self::survey(instance, index, raw)).collect())
     }
 
-    fn survey(instance: &Instance, index: usize, raw: vk::PhysicalDevice) -> Self {
+    /// The device of a caller whose queue is of `family`.
+    pub(super) fn of_caller(instance: &Instance, raw: vk::PhysicalDevice, family: u32) -> Self {
+        let mut device = Self::survey(instance, 0, raw);
+        // SAFETY: `raw` comes from this instance.
+        let families = unsafe { instance.raw().get_physical_device_queue_family_properties(raw) };
+        match families.get(family as usize) {
+            Some(its) if its.queue_flags.contains(vk::QueueFlags::COMPUTE) => {
+                device.queue_family = family;
+                device.timestamp_bits = its.timestamp_valid_bits;
+            }
+            _ => device.summary.missing.push(Missing::Feature("compute in the family of the queue")),
+        }
+        device
+    }
+
+    /// What a device of the instance is.
+    pub(super) fn survey(instance: &Instance, index: usize, raw: vk::PhysicalDevice) -> Self {
         // SAFETY: `raw` comes from this instance.
         let properties = unsafe { instance.raw().get_physical_device_properties(raw) };
         // SAFETY: as above.

@@ -16,6 +16,8 @@ pub(super) struct LogicalDevice {
     physical: PhysicalDevice,
     atomics_64: bool,
     abandoned: AtomicBool,
+    /// Else it is the caller's, who destroys it.
+    is_own: bool,
     names: Option<ext::debug_utils::Device>,
 }
 
@@ -53,7 +55,19 @@ impl LogicalDevice {
         let queue = unsafe { raw.get_device_queue(physical.queue_family, 0) };
         let names = instance.is_validated().then(|| ext::debug_utils::Device::new(instance.raw(), &raw));
         let abandoned = AtomicBool::new(false);
-        Ok(Arc::new(Self { raw, queue, physical, atomics_64, abandoned, names }))
+        Ok(Arc::new(Self { raw, queue, physical, atomics_64, abandoned, is_own: true, names }))
+    }
+
+    /// A device that the caller opened, if it lacks nothing; with 64-bit atomics if the caller says so.
+    pub(super) fn of_caller(
+        physical: PhysicalDevice,
+        raw: ash::Device,
+        queue: vk::Queue,
+        atomics_64: bool,
+    ) -> Result<Arc<Self>, DeviceError> {
+        physical.summary.require_usable()?;
+        let abandoned = AtomicBool::new(false);
+        Ok(Arc::new(Self { raw, queue, physical, atomics_64, abandoned, is_own: false, names: None }))
     }
 
     /// The functions of the device.
@@ -104,7 +118,7 @@ impl LogicalDevice {
 
 impl Drop for LogicalDevice {
     fn drop(&mut self) {
-        if !self.is_abandoned() {
+        if self.is_own && !self.is_abandoned() {
             // SAFETY: every object of the device held an `Arc` of it and is gone, and no work is left on its queue.
             unsafe { self.raw.destroy_device(None) };
         }

@@ -67,11 +67,39 @@ impl Purpose {
 /// A buffer and its memory. The device must be at rest while the host touches either, which holds between submissions.
 pub(super) struct Allocation {
     // Declared before the memory, because a buffer ends before its memory.
-    buffer: objects::Buffer,
+    buffer: Handle,
     // Points into the memory.
     mapping: Option<NonNull<u8>>,
-    _memory: objects::DeviceMemory,
+    _memory: Option<objects::DeviceMemory>,
     bytes: u64,
+}
+
+/// Whose buffer it is.
+enum Handle {
+    Own(objects::Buffer),
+    /// From a byte on.
+    Callers(vk::Buffer, u64),
+}
+
+/// A part of a buffer as commands take it.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) struct Range {
+    pub(super) buffer: vk::Buffer,
+    pub(super) offset: u64,
+    /// Bytes that were asked for.
+    pub(super) bytes: u64,
+}
+
+impl Range {
+    /// Bytes that the device fills: whole words, and never none.
+    pub(super) fn padded(self) -> u64 {
+        padded(self.bytes)
+    }
+}
+
+/// Vulkan has no empty buffers and clears whole words.
+fn padded(bytes: u64) -> u64 {
+    bytes.max(1).next_multiple_of(4)
 }
 
 // SAFETY: the mapping belongs to this value alone, and neither it nor Vulkan cares which thread uses it.
@@ -86,10 +114,8 @@ impl Allocation {
         purpose: Purpose,
     ) -> Result<Self, DeviceError> {
         let out_of_memory = |error| if is_out_of_memory(&error) { no_memory(device, what, bytes) } else { error };
-        // Vulkan has no empty buffers and clears whole words.
-        let padded = bytes.max(1).next_multiple_of(4);
         let info = vk::BufferCreateInfo::default()
-            .size(padded)
+            .size(padded(bytes))
             .usage(purpose.usage())
             .sharing_mode(vk::SharingMode::EXCLUSIVE);
         // SAFETY: a size above 0 and a usage of core Vulkan.
@@ -119,12 +145,31 @@ impl Allocation {
         } else {
             None
         };
-        Ok(Self { buffer, mapping, _memory: memory, bytes })
+        Ok(Self { buffer: Handle::Own(buffer), mapping, _memory: Some(memory), bytes })
     }
 
-    /// The buffer, valid as long as `self` lives.
+    /// A part of a buffer of the caller's, which lives as long.
+    pub(super) fn of_caller(buffer: vk::Buffer, offset: u64, bytes: u64) -> Self {
+        Self { buffer: Handle::Callers(buffer, offset), mapping: None, _memory: None, bytes }
+    }
+
+    /// Whether the memory is our own.
+    pub(super) fn is_own(&self) -> bool {
+        matches!(self.buffer, Handle::Own(_))
+    }
+
+    /// The part of a buffer that it is, valid as long as `self` lives.
+    pub(super) fn range(&self) -> Range {
+        let (buffer, offset) = match &self.buffer {
+            Handle::Own(buffer) => (buffer.raw(), 0),
+            Handle::Callers(buffer, offset) => (*buffer, *offset),
+        };
+        Range { buffer, offset, bytes: self.bytes }
+    }
+
+    /// The buffer of a staging window, valid as long as `self` lives.
     pub(super) fn buffer(&self) -> vk::Buffer {
-        self.buffer.raw()
+        self.range().buffer
     }
 
     /// The bytes that were asked for.

@@ -7,6 +7,7 @@
 //! | `logical`, `objects` | an opened device, and Vulkan objects that destroy themselves |
 //! | `memory`, `buffers`, `staging` | buffers, and bytes on their way to and from them |
 //! | `shaders`, `pipeline`, `cache` | SPIR-V → pipelines, kept between runs of the program |
+//! | `external`, `features` | the Vulkan of the caller, and what it must be created with |
 //! | `run`, `descriptors`, `timestamps`, `submit`, `fetched` | a recording → one submission, with what goes before it and comes back with it |
 //!
 //! The device is at rest whenever no call of this module runs: every submission is waited for.
@@ -16,6 +17,8 @@ mod buffers;
 mod cache;
 mod descriptors;
 mod error;
+mod external;
+mod features;
 mod fetched;
 mod instance;
 mod limits;
@@ -33,7 +36,14 @@ mod submit;
 mod tests;
 mod timestamps;
 
+pub use ash;
+pub use external::RawVulkan;
+pub use features::KernelFeatures;
 pub use limits::{DeviceSummary, Missing};
+pub use prbvh_kernel::grid::{WORKGROUP_SIZE, workgroups};
+pub use prbvh_kernel::native::{Access as KernelAccess, BindingInfo};
+pub use prbvh_kernel::{Kernel, KernelInfo};
+pub use shaders::needs_atomics_64;
 
 use super::Selection;
 use super::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing, Traffic};
@@ -42,12 +52,12 @@ use cache::StoredCache;
 use instance::Instance;
 use limits::PhysicalDevice;
 use logical::LogicalDevice;
-use memory::Access;
+use memory::{Access, Range};
 use pipeline::Pipelines;
 use run::Runner;
 use selection::select;
 use staging::Staging;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use submit::Submitter;
 
@@ -95,12 +105,16 @@ impl VulkanDevice {
         let instance = Instance::shared(options.validate)?;
         let physical = select(PhysicalDevice::all(instance)?, selection)?;
         let device = LogicalDevice::new(instance, physical, options.atomics_64)?;
-        let cache = StoredCache::open(&device, options.cache_folder.as_deref())?;
+        Self::over(device, options.access, options.cache_folder.as_deref())
+    }
+
+    fn over(device: Arc<LogicalDevice>, access: Access, cache_folder: Option<&Path>) -> Result<Self, DeviceError> {
+        let cache = StoredCache::open(&device, cache_folder)?;
         let opened = Self {
             info: device.physical().info(device.atomics_64()),
             runner: Runner::new(&device, Pipelines::new(&device, cache))?,
             staging: Staging::new(&device)?,
-            buffers: Buffers::new(&device, options.access),
+            buffers: Buffers::new(&device, access),
             submitter: Submitter::new(&device)?,
             traffic: Traffic::default(),
             device,
@@ -150,7 +164,8 @@ impl VulkanDevice {
             content[..bytes.len()].copy_from_slice(bytes);
             return Ok(());
         }
-        self.staging.upload(&mut self.submitter, allocation.buffer(), bytes)
+        let Range { buffer, offset, .. } = allocation.range();
+        self.staging.upload(&mut self.submitter, (buffer, offset), bytes)
     }
 
     fn copy_out(&mut self, buffer: &Buffer, first: usize, bytes: &mut [u8]) -> Result<(), DeviceError> {
@@ -160,11 +175,12 @@ impl VulkanDevice {
             bytes.copy_from_slice(&content[first..][..bytes.len()]);
             return Ok(());
         }
-        if let Some(content) = self.runner.fetched(allocation.buffer(), first, bytes.len()) {
+        let range = allocation.range();
+        if let Some(content) = self.runner.fetched(range, first, bytes.len()) {
             bytes.copy_from_slice(content);
             return Ok(());
         }
-        self.staging.download(&mut self.submitter, (allocation.buffer(), first as u64), bytes)
+        self.staging.download(&mut self.submitter, (range.buffer, range.offset + first as u64), bytes)
     }
 }
 
@@ -190,7 +206,10 @@ impl Device for VulkanDevice {
 
     fn free(&mut self, buffer: Buffer) {
         if let Ok(allocation) = self.buffers.find(&buffer) {
-            self.submitter.forget(allocation.buffer());
+            // A buffer of the caller's stays, and has its bytes.
+            if allocation.is_own() {
+                self.submitter.forget(allocation.buffer());
+            }
             self.runner.forget_fetched();
         }
         self.buffers.free(&buffer);

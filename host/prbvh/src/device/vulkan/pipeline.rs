@@ -59,7 +59,7 @@ impl KernelPipeline {
     fn new(device: &Arc<LogicalDevice>, cache: &mut StoredCache, kernel: Kernel) -> Result<Self, DeviceError> {
         let info = kernel.info();
         let words = shaders::words(kernel);
-        if shaders::needs_atomics_64(&words) && !device.atomics_64() {
+        if shaders::is_of_wide_words(&words) && !device.atomics_64() {
             return Err(DeviceError::Feature {
                 what: format!("kernel {}", info.name),
                 name: "shaderInt64 with shaderBufferInt64Atomics",

@@ -4,6 +4,7 @@ use super::buffers::Buffers;
 use super::descriptors::{Bindings, DescriptorSets};
 use super::fetched::Fetched;
 use super::logical::LogicalDevice;
+use super::memory::{Allocation, Range};
 use super::pipeline::{Handles, Pipelines};
 use super::submit::{Submitter, barrier_between};
 use super::timestamps::Timestamps;
@@ -23,7 +24,7 @@ pub(super) struct Runner {
 /// A command with its handles, all alive until the run has ended.
 enum Step<'a> {
     Dispatch { handles: Handles, set: usize, push: &'a [u8], groups: Groups },
-    Clear(vk::Buffer),
+    Clear(Range),
     Copy { from: vk::Buffer, to: vk::Buffer, region: vk::BufferCopy },
     Nothing,
 }
@@ -44,7 +45,7 @@ impl Runner {
     }
 
     /// Bytes that the last run fetched, if nothing has changed since.
-    pub(super) fn fetched(&mut self, from: vk::Buffer, first: usize, bytes: usize) -> Option<&[u8]> {
+    pub(super) fn fetched(&mut self, from: Range, first: usize, bytes: usize) -> Option<&[u8]> {
         self.fetched.get(from, first, bytes)
     }
 
@@ -120,21 +121,22 @@ impl Runner {
     ) -> Result<Step<'a>, DeviceError> {
         Ok(match command {
             Command::Dispatch(dispatch) => self.dispatch(buffers, dispatch, bindings)?,
-            Command::Clear(buffer) => Step::Clear(buffers.find(buffer)?.buffer()),
+            Command::Clear(buffer) => Step::Clear(buffers.find(buffer)?.range()),
             Command::Copy { from, to } => {
                 let (source, target) = (buffers.find(from)?, buffers.find(to)?);
                 // Vulkan knows no copies of nothing or of a buffer to itself; neither would change a byte.
                 if from == to || source.bytes() == 0 {
                     Step::Nothing
                 } else {
-                    let region = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: source.bytes() };
-                    Step::Copy { from: source.buffer(), to: target.buffer(), region }
+                    let (from, to) = (source.range(), target.range());
+                    let region = vk::BufferCopy { src_offset: from.offset, dst_offset: to.offset, size: from.bytes };
+                    Step::Copy { from: from.buffer, to: to.buffer, region }
                 }
             }
             Command::Fetch { from, bytes } => {
                 let source = buffers.find(from)?;
                 match self.fetched.place(source, *bytes) {
-                    Some((to, region)) => Step::Copy { from: source.buffer(), to, region },
+                    Some((to, region)) => Step::Copy { from: source.range().buffer, to, region },
                     None => Step::Nothing,
                 }
             }
@@ -150,7 +152,7 @@ impl Runner {
         let bound = dispatch
             .buffers
             .iter()
-            .map(|buffer| buffers.find(buffer).map(|allocation| (allocation.buffer(), allocation.bytes())))
+            .map(|buffer| buffers.find(buffer).map(Allocation::range))
             .collect::<Result<_, _>>()?;
         if dispatch.count == 0 {
             return Ok(Step::Nothing);
@@ -164,7 +166,10 @@ impl Runner {
         }
         let groups = match &dispatch.counted {
             None => Groups::Of(grid::workgroups(dispatch.count)),
-            Some(counted) => Groups::In(buffers.find(&counted.buffer)?.buffer(), 4 * (counted.word as u64 + 1)),
+            Some(counted) => {
+                let Range { buffer, offset, .. } = buffers.find(&counted.buffer)?.range();
+                Groups::In(buffer, offset + 4 * (counted.word as u64 + 1))
+            }
         };
         Ok(Step::Dispatch { handles, set, push: &dispatch.push, groups })
     }
@@ -195,9 +200,9 @@ impl Step<'_> {
                     }
                 }
             }
-            Self::Clear(buffer) => {
+            Self::Clear(range) => {
                 // SAFETY: the command buffer is being recorded; the buffer lives until the run has ended.
-                unsafe { device.cmd_fill_buffer(commands, buffer, 0, vk::WHOLE_SIZE, 0) };
+                unsafe { device.cmd_fill_buffer(commands, range.buffer, range.offset, range.padded(), 0) };
             }
             Self::Copy { from, to, region } => {
                 // SAFETY: the region lies in two different buffers, which live until the run has ended.

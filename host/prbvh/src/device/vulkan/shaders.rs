@@ -25,8 +25,14 @@ fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, &[u32])> {
     })
 }
 
-/// Whether a module needs a device with `shaderInt64` and `shaderBufferInt64Atomics`.
-pub(super) fn needs_atomics_64(words: &[u32]) -> bool {
+/// Whether a kernel needs a device with `shaderInt64` and `shaderBufferInt64Atomics`.
+#[must_use]
+pub fn needs_atomics_64(kernel: Kernel) -> bool {
+    is_of_wide_words(&words(kernel))
+}
+
+/// Whether a module needs 64-bit atomics.
+pub(super) fn is_of_wide_words(words: &[u32]) -> bool {
     // Capabilities come first in a module.
     instructions(words)
         .take_while(|&(opcode, _)| opcode == OP_CAPABILITY)
@@ -63,10 +69,10 @@ mod tests {
     #[test]
     fn only_locks_of_one_word_need_64_bits() {
         for &kernel in Kernel::ALL {
-            let is_of_wide_words = matches!(kernel, Kernel::PrbvhLock | Kernel::PrbvhCheck);
-            assert_eq!(needs_atomics_64(&words(kernel)), is_of_wide_words, "{kernel:?}");
+            let is_wide = matches!(kernel, Kernel::PrbvhLock | Kernel::PrbvhCheck);
+            assert_eq!(needs_atomics_64(kernel), is_wide, "{kernel:?}");
         }
-        assert!(!needs_atomics_64(&[0x0723_0203, 0x0001_0500, 0, 1, 0, 0x0002_0011, 1]), "a module with Shader alone");
-        assert!(!needs_atomics_64(&[0x0723_0203]), "a module cut short");
+        assert!(!is_of_wide_words(&[0x0723_0203, 0x0001_0500, 0, 1, 0, 0x0002_0011, 1]), "a module with Shader alone");
+        assert!(!is_of_wide_words(&[0x0723_0203]), "a module cut short");
     }
 }

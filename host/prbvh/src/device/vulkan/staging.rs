@@ -28,11 +28,11 @@ impl Staging {
         Ok(Self { device: Arc::clone(device), window: window(device, FIRST_BYTES)?, used: 0, since: 0 })
     }
 
-    /// Copies `bytes` to the start of a buffer, which is at least as large, before the next submission's work.
+    /// Copies `bytes` to some byte of a buffer on, which reaches at least as far, before the next submission's work.
     pub(super) fn upload(
         &mut self,
         submitter: &mut Submitter,
-        to: vk::Buffer,
+        (to, first): (vk::Buffer, u64),
         bytes: &[u8],
     ) -> Result<(), DeviceError> {
         let mut done = 0;
@@ -41,7 +41,7 @@ impl Staging {
             let window = self.window()?;
             let size = (window.len() - at).min(bytes.len() - done);
             window[at..][..size].copy_from_slice(&bytes[done..][..size]);
-            let region = vk::BufferCopy { src_offset: at as u64, dst_offset: done as u64, size: size as u64 };
+            let region = vk::BufferCopy { src_offset: at as u64, dst_offset: first + done as u64, size: size as u64 };
             submitter.copy_first(self.window.buffer(), to, region)?;
             self.used = at + size;
             done += size;

@@ -26,6 +26,8 @@ pub(super) struct Submitter {
     fence: Fence,
     first: Vec<First>,
     submissions: u64,
+    /// What the next submission waits for: semaphores of the caller, and values of those that have a timeline.
+    waits: Vec<(vk::Semaphore, u64)>,
 }
 
 /// What goes in front of the next work.
@@ -59,7 +61,7 @@ impl Submitter {
         let commands = unsafe { device.raw().allocate_command_buffers(&info) }.call("vkAllocateCommandBuffers")?[0];
         // SAFETY: a fence takes no parameters.
         let fence = unsafe { Fence::new(device, &vk::FenceCreateInfo::default()) }?;
-        Ok(Self { device: Arc::clone(device), pool, commands, fence, first: Vec::new(), submissions: 0 })
+        Ok(Self { device: Arc::clone(device), pool, commands, fence, first: Vec::new(), submissions: 0, waits: Vec::new() })
     }
 
     /// How many submissions there were.
@@ -106,6 +108,24 @@ impl Submitter {
     /// Records commands, runs them and returns after their end. They see what the host and earlier submissions wrote, and the
     /// host sees what they wrote.
     pub(super) fn submit(&mut self, record: impl FnOnce(&ash::Device, vk::CommandBuffer)) -> Result<(), DeviceError> {
+        self.submit_and_signal(record, &[])
+    }
+
+    /// The next submission waits for a semaphore; a binary one has value 0.
+    pub(super) fn wait_for(&mut self, semaphore: vk::Semaphore, value: u64) {
+        self.waits.push((semaphore, value));
+    }
+
+    /// Signals a semaphore after all submissions so far; a binary one has value 0.
+    pub(super) fn signal(&mut self, semaphore: vk::Semaphore, value: u64) -> Result<(), DeviceError> {
+        self.submit_and_signal(|_, _| {}, &[(semaphore, value)])
+    }
+
+    fn submit_and_signal(
+        &mut self,
+        record: impl FnOnce(&ash::Device, vk::CommandBuffer),
+        signals: &[(vk::Semaphore, u64)],
+    ) -> Result<(), DeviceError> {
         self.check()?;
         self.submissions += 1;
         // Whatever becomes of the submission: nothing is done twice.
@@ -128,7 +148,21 @@ impl Submitter {
         // SAFETY: the fence is not in use: the last submission has ended.
         unsafe { device.reset_fences(&fences) }.call("vkResetFences")?;
         let buffers = [commands];
-        let submits = [vk::SubmitInfo::default().command_buffers(&buffers)];
+        let (wait_for, wait_values): (Vec<_>, Vec<_>) = std::mem::take(&mut self.waits).into_iter().unzip();
+        let (signalled, signal_values): (Vec<_>, Vec<_>) = signals.iter().copied().unzip();
+        let stages = vec![vk::PipelineStageFlags::ALL_COMMANDS; wait_for.len()];
+        let mut values = vk::TimelineSemaphoreSubmitInfo::default()
+            .wait_semaphore_values(&wait_values)
+            .signal_semaphore_values(&signal_values);
+        let mut info = vk::SubmitInfo::default()
+            .command_buffers(&buffers)
+            .wait_semaphores(&wait_for)
+            .wait_dst_stage_mask(&stages)
+            .signal_semaphores(&signalled);
+        if wait_values.iter().chain(&signal_values).any(|&value| value > 0) {
+            info = info.push_next(&mut values);
+        }
+        let submits = [info];
         // SAFETY: `&mut self` is the only user of the queue, and the objects of the commands live until the wait has ended.
         unsafe { device.queue_submit(self.device.queue(), &submits, self.fence.raw()) }.call("vkQueueSubmit")?;
         self.wait()

@@ -1,18 +1,20 @@
 //! The device itself, on the best Vulkan device of this machine and under the validation layer.
 
+mod external;
 mod pipeline;
 mod traffic;
 
 use super::*;
 use ash::vk;
 use bytemuck::Zeroable;
+use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
+use prbvh_kernel::grid;
 use prbvh_kernel::mem::Slot;
 use prbvh_kernel::native::Alone;
 use prbvh_kernel::prbvh::PrbvhParams;
 use prbvh_kernel::setup::{self, BOUNDS_CHUNK, BoundsParams, BoxesParams, Triangle};
 use prbvh_kernel::sort::GatherParams;
-use prbvh_kernel::{Kernel, grid};
 
 /// Words of a 2-D grid with a ragged end; 65,535 workgroups hold 4,194,240.
 const MANY_WORDS: u32 = 5_000_001;
@@ -155,7 +157,7 @@ fn a_dispatch_may_have_more_workgroups_than_fit_one_axis() {
     if left_out("a_dispatch_may_have_more_workgroups_than_fit_one_axis") {
         return;
     }
-    assert!(grid::workgroups(MANY_WORDS)[1] > 1, "not enough words for a grid of two dimensions");
+    assert!(workgroups(MANY_WORDS)[1] > 1, "not enough words for a grid of two dimensions");
     let words: Vec<u32> = (0..MANY_WORDS).map(|k| k.wrapping_mul(0x9e37_79b9)).collect();
     let order: Vec<u32> = (0..MANY_WORDS).rev().collect();
     let mut device = open(options(Access::WherePossible));
@@ -325,7 +327,7 @@ fn every_kernel_has_a_pipeline() {
     }
     let mut device = open(options(Access::WherePossible));
     for &kernel in Kernel::ALL {
-        let needs_atomics_64 = shaders::needs_atomics_64(&shaders::words(kernel));
+        let needs_atomics_64 = needs_atomics_64(kernel);
         if device.info().atomics_64 || !needs_atomics_64 {
             device.runner.pipeline(kernel).unwrap();
         }
