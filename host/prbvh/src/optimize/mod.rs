@@ -12,6 +12,8 @@ mod row;
 mod schedule;
 mod session;
 mod worst_first;
+#[cfg(feature = "serde")]
+mod written;
 
 pub use areas::{TreeAreas, measure};
 pub use current::{CurrentTree, DualRound};
