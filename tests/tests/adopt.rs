@@ -34,8 +34,8 @@ fn cost(tree: &Bvh) -> f64 {
 
 /// An LBVH with leaves of up to four triangles.
 fn with_leaves(scene: &Scene) -> Bvh {
-    let adaptive = Some(CollapseSettings { max_leaf: Some(4), ..CollapseSettings::default() });
-    let settings = Settings { optimizer: Optimizer::None, adaptive, ..Settings::default() };
+    let adaptive = Some(CollapseSettings::default().with(|s| s.max_leaf = Some(4)));
+    let settings = Settings::default().with(|s| { s.optimizer = Optimizer::None; s.adaptive = adaptive; });
     let tree = optimize(scene, &mut cpu(), &settings, &mut go_on).unwrap().tree;
     assert!(tree.nodes.len() < 2 * scene.triangles.len() - 1, "leaves of several triangles");
     tree
@@ -136,7 +136,7 @@ fn leaves_may_be_made_anew() {
 fn spatial_splits_stay_splits() {
     let scene = built_in(2000);
     let boxes = scene.boxes();
-    let settings = Settings { optimizer: Optimizer::None, ..Settings::default() };
+    let settings = Settings::default().with(|s| s.optimizer = Optimizer::None);
     let plain = optimize(&scene, &mut cpu(), &settings, &mut go_on).unwrap().tree;
     let given = with_splits(&plain, 0.5);
     validate_references(&given, &boxes).unwrap();
@@ -150,7 +150,7 @@ fn spatial_splits_stay_splits() {
         same_hits(&tree, &scene.triangles, "splits optimised");
     }
     // The same as an initial tree of a scene.
-    let settings = Settings { initial: given.clone().into(), ..Settings::default() };
+    let settings = Settings::default().with(|s| s.initial = given.clone().into());
     let done = optimize(&scene, &mut cpu(), &settings, &mut go_on).unwrap();
     validate_references(&done.tree, &boxes).unwrap();
     assert!(done.quality.sah_cost < done.initial.sah_cost);
@@ -161,9 +161,9 @@ fn spatial_splits_stay_splits() {
 fn a_tree_of_a_scene_may_have_any_leaves() {
     let scene = built_in(2000);
     let tree = with_leaves(&scene);
-    let settings = Settings { initial: Initial::from(tree.clone()), ..Settings::default() };
+    let settings = Settings::default().with(|s| s.initial = Initial::from(tree.clone()));
     for optimizer in [Optimizer::Prbvh, Optimizer::Rbvh(RbvhSettings::default()), Optimizer::None] {
-        let settings = Settings { optimizer, ..settings.clone() };
+        let settings = settings.clone().with(|s| s.optimizer = optimizer);
         let done = optimize(&scene, &mut cpu(), &settings, &mut go_on).unwrap();
         validate(&done.tree, Some(&scene.triangles)).unwrap();
         assert_eq!(done.tree.nodes.len(), 2 * scene.triangles.len() - 1);
@@ -198,7 +198,7 @@ fn a_tree_of_obvhs_goes_in_and_out() {
 fn boxes_are_primitives() {
     let boxes: Vec<Aabb> = boxes_of(&soup(2000, 0.1, 3));
     let scene = Scene::from_boxes("boxes", &boxes).unwrap();
-    let settings = Settings { adaptive: Some(CollapseSettings::default()), ..Settings::default() };
+    let settings = Settings::default().with(|s| s.adaptive = Some(CollapseSettings::default()));
     for settings in [Settings::default(), settings] {
         let done = optimize(&scene, &mut cpu(), &settings, &mut go_on).unwrap();
         validate_references(&done.tree, &boxes).unwrap();
@@ -217,8 +217,8 @@ proptest! {
     fn any_tree_comes_out_as_one_over_the_same(n in 1usize..120, most in 1u32..9, seed: u64) {
         let scene = Scene::from_triangles("soup", soup(n, 0.3, seed)).unwrap();
         let boxes = scene.boxes();
-        let adaptive = Some(CollapseSettings { max_leaf: Some(most), ..CollapseSettings::default() });
-        let made = Settings { optimizer: Optimizer::None, adaptive, ..Settings::default() };
+        let adaptive = Some(CollapseSettings::default().with(|s| s.max_leaf = Some(most)));
+        let made = Settings::default().with(|s| { s.optimizer = Optimizer::None; s.adaptive = adaptive; });
         let given = optimize(&scene, &mut cpu(), &made, &mut go_on).unwrap().tree;
         for how in [Leaves::Whole, Leaves::Split(&boxes)] {
             let mut tree = given.clone();
@@ -264,7 +264,7 @@ fn what_is_no_tree_is_refused_and_stays() {
     let mut tree = good.clone();
     let short = &boxes[..boxes.len() - 1];
     assert!(optimize_tree(&mut tree, Leaves::Split(short), &mut cpu(), &Settings::default(), &mut go_on).is_err());
-    let adaptive = Settings { adaptive: Some(CollapseSettings::default()), ..Settings::default() };
+    let adaptive = Settings::default().with(|s| s.adaptive = Some(CollapseSettings::default()));
     let refused = optimize_tree(&mut tree, Leaves::Whole, &mut cpu(), &adaptive, &mut go_on).unwrap_err();
     assert!(refused.to_string().starts_with("adaptive is given"), "{refused}");
     assert_eq!(tree, good);
@@ -388,16 +388,16 @@ fn settings_that_make_no_sense_are_refused_at_every_entry() {
     let mut device = cpu();
     let mut nodes = sah_sweep(&SafeRange::of(&scene.triangles).apply(&scene.triangles));
     let tree = DeviceTree::upload(&mut device, &nodes).unwrap();
-    let bad = PrbvhSettings { mu: 0, ..PrbvhSettings::published() };
+    let bad = PrbvhSettings::published().with(|s| s.mu = 0);
     let refused = prbvh(&mut device, &tree, &bad, &mut |_, _, _| ControlFlow::Continue(())).unwrap_err();
     assert_eq!(refused.to_string(), "mu is 0, but must be at least 1");
-    let settings = Settings { prbvh: bad, ..Settings::default() };
+    let settings = Settings::default().with(|s| s.prbvh = bad);
     let refused = optimize(&scene, &mut device, &settings, &mut go_on).unwrap_err();
     assert!(matches!(&refused, PipelineError::Setting(error) if error.name == "mu"), "{refused}");
-    let rbvh_settings = RbvhSettings { batch: f64::NAN, ..RbvhSettings::default() };
+    let rbvh_settings = RbvhSettings::default().with(|s| s.batch = f64::NAN);
     let refused = rbvh(&mut nodes, &rbvh_settings, &mut |_, _| ControlFlow::Continue(())).unwrap_err();
     assert!(refused.to_string().starts_with("batch is NaN"), "{refused}");
-    let settings = Settings { optimizer: Optimizer::Rbvh(rbvh_settings), ..Settings::default() };
+    let settings = Settings::default().with(|s| s.optimizer = Optimizer::Rbvh(rbvh_settings));
     let refused = optimize(&scene, &mut device, &settings, &mut go_on).unwrap_err();
     assert!(refused.to_string().starts_with("batch is NaN"), "{refused}");
 }

@@ -73,7 +73,7 @@ fn a_tree_follows_its_scene_and_stays_good_on_every_device() {
 #[test]
 fn steps_go_on_where_the_last_one_stopped() {
     let scene = built_in(4000);
-    let settings = Settings { optimizer: prbvh::pipeline::Optimizer::None, ..Settings::default() };
+    let settings = Settings::default().with(|s| s.optimizer = prbvh::pipeline::Optimizer::None);
     let start = optimize(&scene, &mut cpu(), &settings, &mut |_| ControlFlow::Continue(())).unwrap().tree;
     let mut device = cpu();
     let mut moving = Reoptimizer::new(&mut device, &start, &scene.triangles).unwrap();
@@ -117,7 +117,7 @@ fn it_owns_a_device_or_borrows_one() {
     let references = owner.primitives();
     let handle = owner.device_tree().nodes.clone();
     // The tree in its buffer, for whoever goes on with it there.
-    let shared = DeviceTree { references, nodes: handle };
+    let shared = DeviceTree::new(references, handle);
     shared.check(owner.device()).unwrap();
     let mut device: Box<dyn Device> = Box::new(device::Stoppable::new(Box::new(cpu()), &prbvh::stop::Stop::default()));
     let mut borrower = Reoptimizer::new(&mut *device, &tree, &scene.triangles).unwrap();
@@ -192,7 +192,7 @@ fn what_cannot_be_followed_is_refused_by_name() {
     let all: Vec<u32> = (0..100).collect();
     assert!(text(moving.remove(&all)).contains("of which one stays"));
     assert_eq!(
-        text(moving.set(WorstFirst { lock_rounds: 0, ..WorstFirst::default() })),
+        text(moving.set(WorstFirst::default().with(|s| s.lock_rounds = 0))),
         "worst_first.lock_rounds is 0, but must be from 1 to 1000"
     );
     assert_eq!(moving.tree().unwrap(), before, "all of this left the tree as it was");

@@ -52,6 +52,12 @@ pub struct DeviceTree {
 }
 
 impl DeviceTree {
+    /// A tree of `references` references in a buffer of `2n-1` nodes; [`DeviceTree::check`] tells whether it is one.
+    #[must_use]
+    pub fn new(references: u32, nodes: Buffer) -> Self {
+        Self { references, nodes }
+    }
+
     /// Nodes of a tree over `references` references.
     #[must_use]
     pub fn node_count(references: u32) -> u32 {

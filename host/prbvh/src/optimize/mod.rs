@@ -18,6 +18,8 @@ mod row;
 mod schedule;
 mod session;
 mod worst_first;
+#[cfg(feature = "serde")]
+mod written;
 
 #[doc(hidden)]
 pub use areas::measure_unchecked;

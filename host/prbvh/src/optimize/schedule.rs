@@ -1,8 +1,6 @@
 //! Which nodes are searched when, and when to stop.
 
 use super::{Limits, Strategy};
-#[cfg(feature = "serde")]
-use crate::written;
 use std::time::Duration;
 
 /// A change of the SAH cost that counts as none.
@@ -10,7 +8,7 @@ use std::time::Duration;
 #[cfg_attr(
     feature = "serde",
     derive(serde::Serialize, serde::Deserialize),
-    serde(from = "written::Epsilon", into = "written::Epsilon")
+    serde(from = "super::written::Epsilon", into = "super::written::Epsilon")
 )]
 #[non_exhaustive]
 pub enum Epsilon {
