@@ -35,7 +35,10 @@ fn cost(tree: &Bvh) -> f64 {
 /// An LBVH with leaves of up to four triangles.
 fn with_leaves(scene: &Scene) -> Bvh {
     let adaptive = Some(CollapseSettings::default().with(|s| s.max_leaf = Some(4)));
-    let settings = Settings::default().with(|s| { s.optimizer = Optimizer::None; s.adaptive = adaptive; });
+    let settings = Settings::default().with(|s| {
+        s.optimizer = Optimizer::None;
+        s.adaptive = adaptive;
+    });
     let tree = optimize(scene, &mut cpu(), &settings, &mut go_on).unwrap().tree;
     assert!(tree.nodes.len() < 2 * scene.triangles.len() - 1, "leaves of several triangles");
     tree

@@ -34,7 +34,10 @@ fn a_pool_that_is_given_is_all_there_is() {
     let mut device = CpuDevice::in_pool(Arc::clone(&pool));
     let go_on = &mut |_: &_| ControlFlow::Continue(());
     for initial in [Initial::Lbvh, Initial::SahSweep, Initial::SahBinned] {
-        let settings = Settings::default().with(|s| { s.initial = initial; s.fold_duplicates = true; });
+        let settings = Settings::default().with(|s| {
+            s.initial = initial;
+            s.fold_duplicates = true;
+        });
         optimize(&scene, &mut device, &settings, go_on).unwrap();
     }
     let mut tree = optimize(&scene, &mut device, &Settings::default(), go_on).unwrap().tree;

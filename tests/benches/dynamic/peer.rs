@@ -4,8 +4,9 @@ use crate::{Measured, cost_of};
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use prbvh::interop::obvhs::from_bvh2;
 use prbvh::scene::{Scene, Triangle};
-use prbvh_tests::bench::obvhs::{PROGRAM, decoded, ploc, triangles};
+use prbvh_tests::bench::obvhs::{PROGRAM, ploc, triangles};
 use prbvh_tests::bench::stats::median;
 use std::time::Instant;
 
@@ -37,7 +38,8 @@ pub(crate) fn follow(scene: &Scene, frames: &[Vec<Triangle>], threads: usize) ->
         }
         let last = &frames[frames.len() - 1];
         let most_s = refits.iter().zip(&steps).map(|(refit, step)| refit + step).fold(0.0, f64::max);
-        let cost = cost_of(&decoded(&bvh).with_boxes_of(last), last);
+        let tree = from_bvh2(&bvh).expect("the peer's tree is one");
+        let cost = cost_of(&tree.with_boxes_of(last), last);
         Measured { name: PROGRAM.to_owned(), refit_s: median(&refits), step_s: median(&steps), most_s, cost }
     })
 }

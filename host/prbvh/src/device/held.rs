@@ -32,8 +32,8 @@ impl<'d> From<Box<dyn Device + Send + 'd>> for Held<'d> {
     }
 }
 
-impl<'d> From<&'d mut dyn Device> for Held<'d> {
-    fn from(device: &'d mut dyn Device) -> Self {
+impl<'d, 'x: 'd> From<&'d mut (dyn Device + 'x)> for Held<'d> {
+    fn from(device: &'d mut (dyn Device + 'x)) -> Self {
         Self::Lent(device)
     }
 }

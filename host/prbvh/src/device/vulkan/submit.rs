@@ -61,7 +61,15 @@ impl Submitter {
         let commands = unsafe { device.raw().allocate_command_buffers(&info) }.call("vkAllocateCommandBuffers")?[0];
         // SAFETY: a fence takes no parameters.
         let fence = unsafe { Fence::new(device, &vk::FenceCreateInfo::default()) }?;
-        Ok(Self { device: Arc::clone(device), pool, commands, fence, first: Vec::new(), submissions: 0, waits: Vec::new() })
+        Ok(Self {
+            device: Arc::clone(device),
+            pool,
+            commands,
+            fence,
+            first: Vec::new(),
+            submissions: 0,
+            waits: Vec::new(),
+        })
     }
 
     /// How many submissions there were.

@@ -1,6 +1,5 @@
 //! A device of a caller, under the validation layer: the caller is this test, which has an instance of its own module's making.
 
-use ash::vk;
 use super::super::instance::Instance;
 use super::super::limits::PhysicalDevice;
 use super::super::*;
@@ -10,6 +9,7 @@ use crate::bvh::{Bvh, tree_hash};
 use crate::device::cpu::CpuDevice;
 use crate::optimize::{PrbvhSettings, prbvh};
 use crate::scene::SafeRange;
+use ash::vk;
 use std::ops::ControlFlow;
 
 /// What a caller has.
