@@ -20,14 +20,14 @@ impl<'d> Held<'d> {
     }
 }
 
-impl<'d> From<Box<dyn Device + 'd>> for Held<'d> {
-    fn from(device: Box<dyn Device + 'd>) -> Self {
+impl<'d, 'o: 'd> From<Box<dyn Device + 'o>> for Held<'d> {
+    fn from(device: Box<dyn Device + 'o>) -> Self {
         Self::Own(device)
     }
 }
 
-impl<'d> From<&'d mut dyn Device> for Held<'d> {
-    fn from(device: &'d mut dyn Device) -> Self {
+impl<'d, 'o: 'd> From<&'d mut (dyn Device + 'o)> for Held<'d> {
+    fn from(device: &'d mut (dyn Device + 'o)) -> Self {
         Self::Lent(device)
     }
 }
