@@ -57,13 +57,13 @@ fn a_tree_follows_its_scene_and_stays_good_on_every_device() {
     let last = &frames[frames.len() - 1];
     let rebuilt = cost(&built(&Scene::from_triangles("last", last.clone()).unwrap(), &mut cpu()));
     let refitted = cost(&tree.clone().with_boxes_of(last));
-    assert!(refitted > 1.2 * rebuilt, "{refitted} is hardly more than {rebuilt}: the frames show nothing");
+    assert!(refitted > 1.1 * rebuilt, "{refitted} is hardly more than {rebuilt}: the frames show nothing");
     let mut first = None;
     with_devices(|devices| {
         for (name, device) in devices {
             let costs = follow(&scene, &tree, &frames, &mut **device, 30_000);
             let end = costs[costs.len() - 1];
-            assert!(end < 1.1 * rebuilt, "{name}: {end}, rebuilt {rebuilt}, refitted {refitted}");
+            assert!(end < 1.06 * rebuilt, "{name}: {end}, rebuilt {rebuilt}, refitted {refitted}");
             // Nothing depends on the device, so neither does what a search takes.
             assert_eq!(*first.get_or_insert_with(|| costs.clone()), costs, "{name}");
         }

@@ -50,12 +50,12 @@ pub(crate) fn pieces(tree: &Bvh, boxes: &[Aabb]) -> Result<Vec<Aabb>, Vec<TreeFa
     let mut spanned = vec![Aabb::EMPTY; boxes.len()];
     for node in &tree.nodes {
         let Content::Leaf { first, count } = node.content else { continue };
-        for place in first as usize..(first + count) as usize {
-            let primitive = tree.triangle_order[place] as usize;
-            let piece = cut(&boxes[primitive], &node.aabb);
-            if let Some(piece) = piece {
-                pieces[place] = piece;
-                spanned[primitive] = spanned[primitive].union(piece);
+        let held = &tree.triangle_order[first as usize..][..count as usize];
+        for (to, &primitive) in pieces[first as usize..].iter_mut().zip(held) {
+            if let Some(piece) = cut(&boxes[primitive as usize], &node.aabb) {
+                *to = piece;
+                let spanned = &mut spanned[primitive as usize];
+                *spanned = spanned.union(piece);
             }
         }
     }

@@ -20,8 +20,8 @@ impl<'d> Held<'d> {
     }
 }
 
-impl<'d> From<Box<dyn Device + 'd>> for Held<'d> {
-    fn from(device: Box<dyn Device + 'd>) -> Self {
+impl<'d, 'o: 'd> From<Box<dyn Device + 'o>> for Held<'d> {
+    fn from(device: Box<dyn Device + 'o>) -> Self {
         Self::Own(device)
     }
 }
