@@ -114,7 +114,40 @@ pub(super) fn passes(differing: u32) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::Command;
+    use crate::device::cpu::CpuDevice;
     use proptest::prelude::*;
+
+    /// With an even and an odd number of passes, and with none.
+    #[test]
+    fn a_sort_is_stable_and_leaves_its_source_alone() {
+        for differing in [0, 1, 0x00ff_00ff, 0x00ff_ffff, u32::MAX] {
+            let source: Vec<u32> = (0..3000).map(|k: u32| k.wrapping_mul(0x9e37_79b9) & differing).collect();
+            let device: &mut dyn Device = &mut CpuDevice::new(2).unwrap();
+            let mut scratch = Scratch::default();
+            let sorter = Sorter::new(&mut scratch, device, 3000).unwrap();
+            let [from, keys, values] =
+                ["source", "keys", "values"].map(|name| scratch.allocate(device, name, 3000, 4).unwrap());
+            device.upload(&from, bytemuck::cast_slice(&source)).unwrap();
+            device.upload(&values, bytemuck::cast_slice(&(0..3000).collect::<Vec<u32>>())).unwrap();
+            let mut recording = Recording::new();
+            sorter.record_from(&mut recording, &from, &keys, &values, differing);
+            let is_dispatch = |command: &&(&str, Command)| matches!(command.1, Command::Dispatch(_));
+            assert_eq!(recording.commands().iter().filter(is_dispatch).count(), 3 * passes(differing));
+            device.run(&recording).unwrap();
+
+            let mut read = |buffer: &Buffer| {
+                let mut words = vec![0u32; 3000];
+                device.download(buffer, bytemuck::cast_slice_mut(&mut words)).unwrap();
+                words
+            };
+            let mut expected: Vec<(u32, u32)> = source.iter().copied().zip(0..).collect();
+            expected.sort_by_key(|pair| pair.0);
+            let sorted: Vec<(u32, u32)> = read(&keys).into_iter().zip(read(&values)).collect();
+            assert!(sorted == expected, "{differing:#x}");
+            assert!(read(&from) == source, "{differing:#x}");
+        }
+    }
 
     #[test]
     fn a_sort_looks_at_bits_that_differ_alone() {
