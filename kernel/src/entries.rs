@@ -84,6 +84,15 @@ kernels! {
         sort::scatter(w, params, keys, values, table, totals, sorted_keys, sorted_values, words);
     };
 
+    SortScatterAlone sort_scatter_alone(params: SortParams) [
+        0 keys: &[u32],
+        1 values: &[u32],
+        2 table: &[u32],
+        3 totals: &[u32],
+        4 sorted_keys: &[Slot<u32>],
+        5 sorted_values: &[Slot<u32>],
+    ] => |i| sort::scatter_alone(i, params, keys, values, table, totals, sorted_keys, sorted_values);
+
     SortGather sort_gather(params: GatherParams) [
         0 order: &[u32],
         1 words: &[u32],

@@ -76,7 +76,7 @@ macro_rules! kernels {
                     #[cfg(feature = "atrbvh")]
                     Self::AtrbvhRestructure => 1,
                     // Chunks.
-                    Self::WorstCount | Self::WorstSelect => 16,
+                    Self::WorstCount | Self::WorstSelect | Self::SortScatterAlone => 16,
                     // Workgroups.
                     Self::SetupBounds => 2,
                     Self::Cost | Self::SortCount | Self::SortScatter | Self::PlocMark | Self::PlocMerge => 4,

@@ -8,7 +8,7 @@
 //! |---|---|---|
 //! | [`setup`] | `setup_boxes`, `setup_bounds` | triangles → reference boxes → scene box |
 //! | [`morton`] | `morton_30`, `morton_60` | boxes → Morton codes |
-//! | [`sort`] | `sort_count`, `sort_rows`, `sort_scatter`, `sort_gather` | codes → order of the references |
+//! | [`sort`] | `sort_count`, `sort_rows`, `sort_scatter` or `sort_scatter_alone`, `sort_gather` | codes → order of the references |
 //! | [`lbvh`] | `lbvh_leaves`, `lbvh_hierarchy` | sorted codes → links of the tree |
 //! | [`ploc`] | `ploc_clusters`, `ploc_nearest`, `ploc_mark`, `ploc_merge` | order of the references → tree |
 //! | `atrbvh` | `atrbvh_levels`, `sort_*`, `atrbvh_restructure` | tree → tree with better treelets |

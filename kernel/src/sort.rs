@@ -20,7 +20,7 @@ pub const DIGITS: usize = 1 << DIGIT_BITS;
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct SortParams {
-    /// Invocations: a workgroup for each chunk, for [`rows`] one for each digit.
+    /// Invocations: a workgroup for each chunk, for [`rows`] one for each digit; for [`scatter_alone`] one per chunk.
     pub count: u32,
     /// Pairs to sort.
     pub pairs: u32,
@@ -167,6 +167,36 @@ pub fn scatter<W: Workgroup>(
             shared[(d * words + k / 32) as usize].store(0);
         });
         first += step;
+    }
+}
+
+/// As [`scatter`], but invocation `c` moves the pairs of chunk `c` by itself: for a CPU behind Vulkan, where each load from shared memory takes as long as
+/// one from a buffer, and lanes take turns at a barrier.
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "a kernel has a parameter for each buffer")]
+pub fn scatter_alone(
+    c: u32,
+    params: &SortParams,
+    keys: &[u32],
+    values: &[u32],
+    table: &[u32],
+    totals: &[u32],
+    sorted_keys: &[Slot<u32>],
+    sorted_values: &[Slot<u32>],
+) {
+    let mut places = [0u32; DIGITS];
+    let mut before = 0u32;
+    for d in 0..DIGITS as u32 {
+        places[d as usize] = before + table[(d * params.chunks + c) as usize];
+        before += totals[d as usize];
+    }
+    for k in c * params.chunk..umin((c + 1) * params.chunk, params.pairs) {
+        let key = keys[k as usize];
+        let d = digit(key, params.shift) as usize;
+        let place = places[d];
+        places[d] = place + 1;
+        sorted_keys[place as usize].set(key);
+        sorted_values[place as usize].set(values[k as usize]);
     }
 }
 

@@ -167,7 +167,7 @@ fn ploc_marks_and_merges_many_chunks() {
         // Pairs of neighbours here and there.
         let mut neighbours: Vec<u32> = (0..c).map(|i| if i > 0 { i - 1 } else { 1 }).collect();
         let mut right = vec![0u32; c as usize];
-        for i in (0..c - 1).step_by(2).filter(|_| random.bits() % 3 > 0) {
+        for i in (0..c - 1).step_by(2).filter(|_| !random.bits().is_multiple_of(3)) {
             neighbours[i as usize] = i + 1;
             right[i as usize + 1] = 1;
         }

@@ -14,6 +14,8 @@ use prbvh_tests::compare::Case;
 use prbvh_tests::fixtures::{Random, soup};
 use prbvh_tests::numerics::f32_sum::chunk_sum;
 use prbvh_tests::oracle::{NaiveTree, radix_tree_leaf_sets, random_tree};
+use proptest::collection::vec;
+use proptest::prelude::*;
 
 /// Numbers of items around those of lanes, of steps and of chunks, none among them.
 fn sizes(chunk: u32) -> impl Iterator<Item = u32> {
@@ -126,9 +128,11 @@ impl Pass {
         (result.get("table"), result.get("totals"))
     }
 
-    fn scatter(&self, table: &[u32], totals: &[u32]) -> Vec<(u32, u32)> {
+    fn scatter(&self, kernel: Kernel, table: &[u32], totals: &[u32]) -> Vec<(u32, u32)> {
         let values: Vec<u32> = (0..self.params.pairs).collect();
-        let case = Case::new(Kernel::SortScatter, self.params.count, &self.params).with(&self.keys).with(&values);
+        let count = if kernel == Kernel::SortScatter { self.params.count } else { self.params.chunks };
+        let params = SortParams { count, ..self.params };
+        let case = Case::new(kernel, count, &params).with(&self.keys).with(&values);
         let case = case.with(table).with(totals).zeros(values.len()).zeros(values.len());
         let result = case.run_everywhere();
         result.get("sorted_keys").into_iter().zip(result.get("sorted_values")).collect()
@@ -177,7 +181,7 @@ fn sort_rows_makes_an_exclusive_scan_of_each_row() {
 fn a_pass_is_one_of_a_stable_sort() {
     for length in [1, 2, 63, 64, 65, 127, 128, 129, 255, 256, 257, 1000, 4095, 4097, 100_000] {
         for (mask, chunk, shift) in
-            [(u32::MAX, 512, 24), (0x0300, 77, 8), (0, 200, 0), (u32::MAX, 1 << 18, 30), (0xff, 64, 4)]
+            [(u32::MAX, 512, 24), (0x0300, 77, 8), (0, 200, 0), (u32::MAX, 1 << 15, 30), (0xff, 64, 4)]
         {
             if length > 5000 && chunk < 200 {
                 continue;
@@ -186,7 +190,25 @@ fn a_pass_is_one_of_a_stable_sort() {
             let (table, totals) = pass.rows(&pass.count());
             let mut expected: Vec<(u32, u32)> = pass.keys.iter().copied().zip(0..).collect();
             expected.sort_by_key(|(key, _)| pass.digit(*key));
-            assert!(pass.scatter(&table, &totals) == expected, "{length} keys of {mask:#x}, chunks of {chunk}");
+            for kernel in [Kernel::SortScatter, Kernel::SortScatterAlone] {
+                let sorted = pass.scatter(kernel, &table, &totals);
+                assert!(sorted == expected, "{kernel:?}: {length} keys of {mask:#x}, chunks of {chunk}");
+            }
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn a_pass_of_any_keys_and_chunks_is_stable(keys in vec(any::<u32>(), 1..400), chunk in 1u32..300, shift in 0u32..32) {
+        let pass = Pass::new(keys, chunk, shift);
+        let (table, totals) = pass.rows(&pass.count());
+        let mut expected: Vec<(u32, u32)> = pass.keys.iter().copied().zip(0..).collect();
+        expected.sort_by_key(|(key, _)| pass.digit(*key));
+        for kernel in [Kernel::SortScatter, Kernel::SortScatterAlone] {
+            prop_assert_eq!(&pass.scatter(kernel, &table, &totals), &expected);
         }
     }
 }

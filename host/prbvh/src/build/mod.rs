@@ -28,6 +28,8 @@ pub use codes::{CodeCensus, Codes, MOST_COMPARED};
 pub use from_file::{TreeOfFileError, from_file};
 pub use lbvh::lbvh;
 pub use ploc::{DEFAULT_RADIUS, ploc};
+#[cfg(feature = "atrbvh")]
+pub(crate) use sort::kernels as sort_kernels;
 pub use sweep::sah_sweep;
 pub(crate) use sweep::sweep_until;
 pub use treelet::{TreeletSize, TreeletSizeError};

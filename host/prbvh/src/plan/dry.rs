@@ -34,9 +34,6 @@ pub(super) struct Taken {
     pub(super) kernels: BTreeSet<Kernel>,
 }
 
-/// Kernels of a sort.
-#[cfg(feature = "atrbvh")]
-const SORT: [Kernel; 3] = [Kernel::SortCount, Kernel::SortRows, Kernel::SortScatter];
 /// Kernels of stages that go on by what they read back, and nothing is to be read here.
 const ROUNDS: [Kernel; 3] = [Kernel::PlocNearest, Kernel::PlocMark, Kernel::PlocMerge];
 #[cfg(feature = "atrbvh")]
@@ -99,7 +96,7 @@ impl DryDevice {
                     return Err(error);
                 }
                 if triangles.len() > 2 {
-                    self.kernels.extend(TREELETS.into_iter().chain(SORT));
+                    self.kernels.extend(TREELETS.into_iter().chain(build::sort_kernels(&self.info)));
                 }
                 tree
             }
