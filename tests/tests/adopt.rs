@@ -5,11 +5,12 @@ use prbvh::bvh::{Bvh, BvhNode, Content, SahModel, TreeFault, quality, tree_hash,
 use prbvh::collapse::{CollapseError, CollapseSettings, collapse};
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{Device, DeviceError};
+use prbvh::interop::obvhs::from_bvh2;
 use prbvh::optimize::{IterationRow, OptimizeError, PrbvhSettings, RbvhSettings, measure, prbvh, rbvh};
 use prbvh::pipeline::{Initial, Leaves, Optimizer, PipelineError, Settings, optimize, optimize_tree};
 use prbvh::scene::{Aabb, SafeRange, Scene, Triangle, built_in};
 use prbvh_kernel::node::Node;
-use prbvh_tests::bench::obvhs::{decoded, triangles as peer_triangles};
+use prbvh_tests::bench::obvhs::triangles as peer_triangles;
 use prbvh_tests::devices::with_devices;
 use prbvh_tests::fixtures::soup;
 use prbvh_tests::walk::{enters, lines, meets, nearest, through};
@@ -188,7 +189,7 @@ fn a_tree_of_obvhs_goes_in_and_out() {
     let primitives = peer_triangles(&scene);
     let params = obvhs::BvhBuildParams::medium_build();
     let theirs = obvhs::bvh2::builder::build_bvh2_from_tris(&primitives, params, &mut std::time::Duration::default());
-    let mut tree = decoded(&theirs);
+    let mut tree = from_bvh2(&theirs).unwrap();
     let largest = leaves(&tree).iter().map(Vec::len).max();
     assert!(largest > Some(1), "its usual leaves hold several");
     let done = optimize_tree(&mut tree, Leaves::Whole, &mut cpu(), &Settings::default(), &mut go_on).unwrap();

@@ -23,7 +23,7 @@ fn prediction_fault(before: f64, after: f64, predicted: f64) -> Option<String> {
 
 /// Each round by itself.
 fn by_rows(settings: &PrbvhSettings) -> PrbvhSettings {
-    settings.clone().with(|s| s.news = Duration::ZERO)
+    settings.clone().with(|s| s.news = std::time::Duration::ZERO)
 }
 
 /// Row and tree hash after each iteration, and the tree that is kept.

@@ -129,7 +129,7 @@ fn an_end_while_a_tree_is_built_is_an_error_by_name() {
         (Initial::Atrbvh { treelet: TreeletSize::default() }, "restructure"),
     ] {
         let mut device = asks(label, 1);
-        let mut settings = Settings { initial, ..Settings::default() };
+        let mut settings = Settings::default().with(|s| s.initial = initial);
         settings.prbvh.limits.stop = Some(device.stop.clone());
         let refused = optimize(&scene, &mut device, &settings, go_on).unwrap_err();
         assert!(matches!(refused, PipelineError::Device(DeviceError::Stopped)), "{label}: {refused}");
@@ -137,7 +137,7 @@ fn an_end_while_a_tree_is_built_is_an_error_by_name() {
         assert_eq!(device.memory().bytes, 0, "{label}");
     }
     for initial in [Initial::SahSweep, Initial::SahBinned] {
-        let mut settings = Settings { initial, ..Settings::default() };
+        let mut settings = Settings::default().with(|s| s.initial = initial);
         let stop = Stop::default();
         stop.ask();
         settings.prbvh.limits.stop = Some(stop);
@@ -167,7 +167,7 @@ fn time_that_passes_while_a_tree_is_built_counts() {
     let scene = built_in(2000);
     let go_on = &mut |_: &IterationRow| ControlFlow::Continue(());
     for optimizer in [Optimizer::Prbvh, Optimizer::Rbvh(RbvhSettings::default())] {
-        let mut settings = Settings { optimizer, ..Settings::default() };
+        let mut settings = Settings::default().with(|s| s.optimizer = optimizer);
         settings.limits_mut().max_time = Some(Duration::from_millis(20));
         let result = optimize(&scene, &mut Slow(CpuDevice::new(1).unwrap()), &settings, go_on).unwrap();
         assert_eq!((result.outcome.stop, result.outcome.rows.len()), (StopReason::MaxTime, 1));
