@@ -28,6 +28,13 @@ pub struct Triangle {
     pub c: [f32; 3],
 }
 
+#[cfg(not(target_arch = "spirv"))]
+impl From<[[f32; 3]; 3]> for Triangle {
+    fn from([a, b, c]: [[f32; 3]; 3]) -> Self {
+        Self { a, b, c }
+    }
+}
+
 impl Triangle {
     /// Smallest box around the three corners.
     #[inline(always)]

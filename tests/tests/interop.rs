@@ -14,7 +14,7 @@ use prbvh::device::cpu::CpuDevice;
 use prbvh::interop::bvh::{ToBvhError, from_bvh, to_bvh};
 use prbvh::interop::embree::{NodeRef, to_bvh4};
 use prbvh::interop::obvhs::{from_bvh2, to_bvh2};
-use prbvh::pipeline::{self, Settings};
+use prbvh::pipeline::{self, Leaves, Settings, optimize_tree};
 use prbvh::scene::{Scene, Triangle};
 use prbvh::trace::{NO_TRIANGLE, Query, Ray, TraceScene, trace};
 use prbvh_kernel::ray::Prepared;
@@ -226,6 +226,40 @@ fn trees_of_the_crate_bvh_come_in_and_go_out() {
         }
         assert_eq!(hits_of_bvh_crate(&out, &shapes, &scene, &rays), hits);
     }
+}
+
+/// In, optimised with leaves whole or made anew, and out: their validators accept it, and rays hit what they hit without a tree.
+#[test]
+fn trees_of_others_are_optimised_in_between() {
+    let (scene, rays) = (scene(), rays());
+    let hits = hits_without_a_tree(&scene, &rays);
+    most_hit(&hits);
+    let boxes = scene.boxes();
+    let mut device = CpuDevice::new(0).unwrap();
+    let mut better = |tree: &Bvh, leaves: Leaves<'_>| {
+        let mut tree = tree.clone();
+        let go_on = &mut |_: &_| ControlFlow::Continue(());
+        let done = optimize_tree(&mut tree, leaves, &mut device, &Settings::default(), go_on).unwrap();
+        assert!(done.quality.sah_cost < done.initial.sah_cost, "{leaves:?}");
+        tree
+    };
+    for pre_split in [false, true] {
+        let params = BvhBuildParams { pre_split, ..BvhBuildParams::medium_build() };
+        let theirs = build_bvh2_from_tris(&triangles(&scene), params, &mut Duration::default());
+        let tree = from_bvh2(&theirs).unwrap();
+        for leaves in [Leaves::Whole, Leaves::Split(&boxes)] {
+            let back = to_bvh2(&better(&tree, leaves));
+            assert_eq!(back.uses_spatial_splits, pre_split);
+            back.validate(&triangles(&scene), false, true);
+            assert_eq!(hits_of_obvhs(&back, &scene, &rays), hits, "{pre_split} {leaves:?}");
+        }
+    }
+    let mut shapes = shapes(&scene);
+    let tree = from_bvh(&BvhCrate::build_par(&mut shapes)).unwrap();
+    let back = to_bvh(&better(&tree, Leaves::Split(&boxes)), &mut shapes).unwrap();
+    back.assert_consistent(&shapes);
+    back.assert_tight();
+    assert_eq!(hits_of_bvh_crate(&back, &shapes, &scene, &rays), hits);
 }
 
 #[test]
