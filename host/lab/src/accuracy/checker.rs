@@ -61,9 +61,10 @@ impl<'a> NumericsCheck<'a> {
 
     /// Takes the next iteration, from row 0 on, and the tree after it. Breaks where the device fails.
     pub fn observe(&mut self, row: &IterationRow, mut tree: CurrentTree<'_>) -> ControlFlow<()> {
-        let is_worst_first = self.searches == Searches::WorstFirst && row.iteration > 0;
+        // The device adds up what changed.
+        let adds_up = self.searches != Searches::None && row.iteration > 0;
         // A new top is none.
-        let is_round = is_worst_first && row.searched > 0;
+        let is_round = self.searches == Searches::WorstFirst && row.iteration > 0 && row.searched > 0;
         let round = if is_round { tree.dual_round(row.searched) } else { Ok(None) };
         let (nodes, round) = match (tree.nodes(), round) {
             (Ok(nodes), Ok(round)) => (nodes, round),
@@ -86,12 +87,12 @@ impl<'a> NumericsCheck<'a> {
         };
         if row.iteration == 0 {
             self.changes.initial = exact_cost;
-        } else if let (true, Some((before, _))) = (is_worst_first, &self.before) {
+        } else if let (true, Some((before, _))) = (adds_up, &self.before) {
             let (cost, count) = tree.on_host(|| changed(before, &nodes));
             self.changes =
                 Changes { cost: self.changes.cost + cost, count: self.changes.count + count, ..self.changes };
         }
-        let cost_bound = if is_worst_first { self.changes.cost_bound(exact_cost) } else { F32_COST_BOUND };
+        let cost_bound = if adds_up { self.changes.cost_bound(exact_cost) } else { F32_COST_BOUND };
         let mut checked = AccuracyRow {
             iteration: row.iteration,
             time_s: row.time_s,
