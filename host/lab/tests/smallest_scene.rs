@@ -3,7 +3,7 @@
 use prbvh::build::MortonBits;
 use prbvh::bvh::{Bvh, BvhNode, Content, NO_NODE, tree_hash};
 use prbvh::device::cpu::CpuDevice;
-use prbvh::device::{self, Command, Device, DeviceError, DeviceInfo, Recording, Timing};
+use prbvh::device::{self, Command, Device, DeviceError, DeviceInfo, DeviceKind, Recording, Timing};
 use prbvh::pipeline::optimize;
 use prbvh::scene::Scene;
 use prbvh::trace::{NO_TRIANGLE, Query, Ray, TraceScene, trace};
@@ -26,7 +26,7 @@ const ORDERS: &[Order] = if cfg!(miri) {
 /// Triangles of the combs: the kernel with a stack of 32, 64, 128 words, and with stacks in a buffer of 64 MiB, which is more than Miri can hold.
 const COMBS: &[usize] = if cfg!(miri) { &[7, 40, 80] } else { &[7, 40, 80, 140] };
 
-/// A CPU that notes which kernels it ran, and may do without 64-bit atomics.
+/// A CPU that notes which kernels it ran, and may do without 64-bit atomics, as one behind Vulkan.
 struct Noting {
     device: CpuDevice,
     order: Order,
@@ -39,6 +39,10 @@ impl Noting {
         let device = CpuDevice::with_order(order, 2).unwrap();
         let mut info = device.info().clone();
         info.atomics_64 = atomics_64;
+        // Sorts have another scatter there.
+        if !atomics_64 {
+            info.kind = DeviceKind::VulkanCpu;
+        }
         Self { device, order, info, ran: BTreeSet::new() }
     }
 }
