@@ -1,6 +1,6 @@
 //! Every kernel once, on a scene so small that Miri can follow it: `cargo xtask miri`.
 
-use prbvh::build::MortonBits;
+use prbvh::build::{DeviceTree, MortonBits};
 use prbvh::bvh::{Bvh, BvhNode, Content, NO_NODE, tree_hash};
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{self, Command, Device, DeviceError, DeviceInfo, DeviceKind, Recording, Timing};
@@ -10,6 +10,8 @@ use prbvh::trace::{NO_TRIANGLE, Query, Ray, TraceScene, trace};
 use prbvh_cpu_sim::Order;
 use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
+use prbvh_kernel::kept::{Kept, RestoreParams};
+use prbvh_kernel::node::RIGHT;
 use prbvh_kernel::setup::Triangle;
 use prbvh_lab::render::{Camera, RenderSettings, render};
 use prbvh_lab::stability::methods;
@@ -135,6 +137,26 @@ fn trees(device: &mut Noting) -> BTreeMap<String, String> {
     hashes
 }
 
+/// The children of the root of a comb, which had changed places and come back: no run on the smallest scene ends with a tree that is not its best.
+fn restored(device: &mut Noting) -> [u32; 2] {
+    let mut nodes = comb(&smallest().triangles).to_device().unwrap();
+    let (left, right) = (nodes[0].down, nodes[nodes[0].down as usize].up);
+    (nodes[0].down, nodes[right as usize].up, nodes[left as usize].up) = (right, left, RIGHT);
+    let internal = nodes.len() / 2;
+    let tree = DeviceTree::upload(device, &nodes).unwrap();
+    let kept = device::Device::allocate(device, "kept", internal, size_of::<Kept>()).unwrap();
+    device::Device::upload(device, &kept, bytemuck::bytes_of(&Kept { epoch: 1, left, right })).unwrap();
+    let mut recording = Recording::new();
+    let params = RestoreParams { count: internal as u32, epoch: 1 };
+    recording.dispatch("restore", Kernel::KeptRestore, params.count, &params, &[&kept, &tree.nodes]);
+    device::Device::run(device, &recording).unwrap();
+    let nodes = tree.download(device).unwrap();
+    device::Device::free(device, kept);
+    tree.free(device);
+    assert_eq!([nodes[0].down, nodes[left as usize].up, nodes[right as usize].up], [left, right, RIGHT]);
+    [left, right]
+}
+
 /// Pixels of a picture, and the first triangle that a ray meets in combs of every kind of stack.
 fn rays(device: &mut Noting) -> Vec<u32> {
     let scene = smallest();
@@ -177,6 +199,7 @@ fn every_kernel_runs_and_every_order_gives_the_same() {
             if atomics_64 && !(cfg!(miri) && order == Order::Parallel) {
                 made.insert("rays".to_owned(), format!("{:?}", rays(&mut device)));
             }
+            made.insert("restored".to_owned(), format!("{:?}", restored(&mut device)));
             assert_eq!(device.memory().bytes, 0);
             for (what, new) in made {
                 let first = expected.entry(what.clone()).or_insert_with(|| new.clone());

@@ -81,7 +81,19 @@
 //! assert_eq!(file::read(&out)?.tree, done.tree);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
-//! The same as programs: `examples/` of the package.
+//! As programs, each read in a minute:
+//!
+//! | example | for |
+//! |---|---|
+//! | [`triangles`](https://github.com/prbvh/prbvh/tree/main/host/prbvh/examples/triangles.rs) | triangles in memory |
+//! | [`boxes`](https://github.com/prbvh/prbvh/tree/main/host/prbvh/examples/boxes.rs) | boxes: particles, instances, a tree over trees |
+//! | [`tree`](https://github.com/prbvh/prbvh/tree/main/host/prbvh/examples/tree.rs) | a tree that you have, its leaves kept or made anew |
+//! | [`dynamic`](https://github.com/prbvh/prbvh/tree/main/host/prbvh/examples/dynamic.rs) | a scene in motion: refit and a step in each frame |
+//! | [`your_vulkan`](https://github.com/prbvh/prbvh/tree/main/host/prbvh/examples/your_vulkan.rs) | a Vulkan device, buffers and semaphores of your own |
+//! | [`other_libraries`](https://github.com/prbvh/prbvh/tree/main/host/prbvh/examples/other_libraries.rs) | trees of other libraries, in and out |
+//! | [`file`](https://github.com/prbvh/prbvh/tree/main/host/prbvh/examples/file.rs) | a scene file |
+//!
+//! [What an adopter needs](https://github.com/prbvh/prbvh/tree/main/docs/adopting.md), beside other libraries.
 //!
 //! # Where things are
 //! | for | module |
@@ -102,6 +114,7 @@
 //! | `vulkan` | GPUs | yes |
 //! | `atrbvh` | the builder ATRBVH, which may be patented: see NOTICE | yes |
 //! | `serde` | settings, plans and outcomes as data of [serde](https://serde.rs) | no |
+//! | `obvhs`, `bvh` | trees of these crates, in and out | no |
 //! | `files` | scene files, tree files, compiled pipelines of Vulkan kept from run to run | no |
 
 pub mod build;
