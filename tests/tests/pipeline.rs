@@ -242,8 +242,8 @@ fn a_cancelled_run_keeps_the_best_tree_so_far() {
     let scene = built_in(5000);
     let result = run(&scene, &Settings::default(), 3);
     assert_eq!(result.outcome.stop, StopReason::Cancelled);
-    // The first rounds are submitted several at a time.
-    assert!((4..=7).contains(&result.outcome.rows.len()), "{}", result.outcome.rows.len());
+    // Sixteen rounds are submitted at a time, or fewer.
+    assert!((4..=17).contains(&result.outcome.rows.len()), "{}", result.outcome.rows.len());
     assert!(result.quality.sah_cost < result.initial.sah_cost);
     let nothing = run(&scene, &Settings::default(), 0);
     assert_eq!(nothing.quality, nothing.initial);

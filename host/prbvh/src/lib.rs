@@ -107,6 +107,7 @@
 //! | rays, to measure a tree | [`trace`] |
 //! | what a run leaves out, and why | [`plan`] |
 //! | an end from another thread | [`stop`] |
+//! | trees of other libraries, layouts of nodes | [`interop`] |
 //!
 //! # Cargo features
 //! | feature | has | default |
