@@ -27,7 +27,7 @@ pub fn with_search(
         device.download(&dispatch.buffers[0], bytemuck::cast_slice_mut(&mut nodes))?;
         let mut books = [0u32; BOOKS_WORDS as usize];
         device.download(&dispatch.buffers[2], bytemuck::cast_slice_mut(&mut books))?;
-        let count = books[OVER_LIST] as usize;
+        let count = if params.mu > 0 { params.count } else { books[OVER_LIST] } as usize;
         let books = AtomicU32::from_mut_slice(&mut books);
         change(device, &dispatch.buffers[1], |found: &mut [Move]| {
             let params = params.by(books);

@@ -182,10 +182,10 @@ mod tests {
         assert_eq!(lines[0], "sudo apt-get update");
         assert_eq!(
             lines[1],
-            "sudo apt-get install -y --no-install-recommends mesa-vulkan-drivers libvulkan1 vulkan-validationlayers chromium"
+            "sudo apt-get install -y --no-install-recommends mesa-vulkan-drivers libvulkan1 vulkan-validationlayers chromium python3 python3-numpy"
         );
         let lines = steps(Rights::None, &packages(&all[2..])).map(|step| step.join(" "));
-        assert_eq!(lines[1], "sudo apt-get install -y --no-install-recommends chromium");
+        assert_eq!(lines[1], "sudo apt-get install -y --no-install-recommends chromium python3 python3-numpy");
     }
 
     #[test]
