@@ -126,6 +126,7 @@ pub mod device;
 mod fold;
 #[doc(hidden)]
 pub mod format;
+mod given;
 pub mod interop;
 pub mod optimize;
 pub mod pipeline;

@@ -1,15 +1,15 @@
 //! What a run is asked for: initial tree, optimiser, leaves.
 
 use crate::build::{MortonBits, TreeletSize};
-use crate::bvh::{Bvh, MaxDepth};
+use crate::bvh::MaxDepth;
 pub use crate::check::SettingError;
 use crate::collapse::CollapseSettings;
+pub use crate::given::GivenTree;
 use crate::optimize::{IterationRow, Limits, PrbvhSettings, RbvhSettings, WorstFirst};
 use std::fmt;
 use std::num::NonZeroU32;
 #[cfg(feature = "files")]
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// A method that this program was built without.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -20,47 +20,6 @@ pub struct FeatureOff {
     pub method: &'static str,
     /// The cargo feature that has it.
     pub feature: &'static str,
-}
-
-/// A tree that the caller has, lent to any number of runs.
-#[derive(Clone, Debug)]
-pub struct GivenTree(Arc<Bvh>);
-
-impl std::ops::Deref for GivenTree {
-    type Target = Bvh;
-
-    fn deref(&self) -> &Bvh {
-        &self.0
-    }
-}
-
-/// The same tree, not an equal one.
-impl PartialEq for GivenTree {
-    fn eq(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.0, &other.0)
-    }
-}
-
-impl Eq for GivenTree {}
-
-/// Its number of nodes: the tree itself is no setting.
-#[cfg(feature = "serde")]
-impl serde::Serialize for GivenTree {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map([("nodes", self.nodes.len())])
-    }
-}
-
-impl From<Arc<Bvh>> for Initial {
-    fn from(tree: Arc<Bvh>) -> Self {
-        Self::Tree(GivenTree(tree))
-    }
-}
-
-impl From<Bvh> for Initial {
-    fn from(tree: Bvh) -> Self {
-        Arc::new(tree).into()
-    }
 }
 
 /// Where the initial tree comes from.

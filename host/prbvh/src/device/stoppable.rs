@@ -1,23 +1,34 @@
 //! A device that refuses work once an end is asked for.
 
-use super::{Device, DeviceError, DeviceKind, Recording, Timing};
+use super::{Command, Device, DeviceError, DeviceKind, Recording, Timing};
 use crate::stop::Stop;
 
-/// Runs a recording unless an end is asked for. Where a CPU runs it, that is asked before each command: a single one may take as long as a GPU takes for
-/// the whole.
+/// Invocations between two looks at whether an end is asked for: less than that takes no time that anybody would notice, but each look ends a run.
+const MOST_AT_ONCE: u32 = 1 << 18;
+
+/// Runs a recording unless an end is asked for. Where a CPU runs it, that is asked again and again: a few commands may take as long as a GPU takes for the
+/// whole.
 fn run_until(device: &mut dyn Device, recording: &Recording, stop: &Stop) -> Result<Vec<Timing>, DeviceError> {
-    let go_on = || if stop.is_asked() { Err(DeviceError::Stopped) } else { Ok(()) };
-    go_on()?;
-    if device.info().kind == DeviceKind::VulkanGpu {
-        return device.run(recording);
-    }
-    let mut timings = Vec::with_capacity(recording.commands().len());
+    let is_split = device.info().kind != DeviceKind::VulkanGpu;
+    let (mut timings, mut piece, mut invocations) = (Vec::new(), Recording::new(), 0u32);
+    let mut run = |piece: Recording| {
+        if stop.is_asked() {
+            return Err(DeviceError::Stopped);
+        }
+        timings.extend(device.run(&piece)?);
+        Ok(())
+    };
     for (label, command) in recording.commands() {
-        go_on()?;
-        let mut one = Recording::new();
-        one.add(label, command.clone());
-        timings.extend(device.run(&one)?);
+        if let Command::Dispatch(dispatch) = command {
+            invocations = invocations.saturating_add(dispatch.count);
+        }
+        piece.add(label, command.clone());
+        if is_split && invocations > MOST_AT_ONCE {
+            run(std::mem::take(&mut piece))?;
+            invocations = 0;
+        }
     }
+    run(piece)?;
     Ok(timings)
 }
 
@@ -76,7 +87,7 @@ impl super::Layer for Stoppable {
     }
 
     fn run(&mut self, recording: &Recording) -> Result<Vec<Timing>, DeviceError> {
-        run_until(&mut *self.device, recording, &self.stop)
+        if self.stop.is_asked() { Err(DeviceError::Stopped) } else { self.device.run(recording) }
     }
 }
 

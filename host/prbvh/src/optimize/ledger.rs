@@ -1,11 +1,13 @@
 //! The cost of a tree from what its areas have lost: the device sums up, in integers ([`prbvh_kernel::sum`]).
 
-use super::session::Report;
 use super::{Limits, TreeAreas};
 use crate::bvh::SahModel;
 use prbvh_kernel::prbvh::worst::RoundParams;
-use prbvh_kernel::status::{GREW, SHRUNK};
+use prbvh_kernel::status::{GREW, REPORT_WORDS, SHRUNK};
 use prbvh_kernel::sum::{scale_of, to_f64};
+
+/// A row of the report of a device.
+pub(super) type Report = [u32; REPORT_WORDS as usize];
 
 /// No tree has lost as much.
 const NEVER: i64 = i64::MAX;

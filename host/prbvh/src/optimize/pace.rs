@@ -1,6 +1,7 @@
 //! How many rounds go in one submission.
 
 use super::Limits;
+use crate::device::{DeviceInfo, DeviceKind};
 use std::time::Duration;
 
 /// Most rounds of a submission. Those after the end of a search do nothing, but a GPU takes some microseconds for each of their dispatches; with as many
@@ -18,18 +19,21 @@ const MOST_RISE: f64 = 8.0;
 pub(super) struct Pace {
     news: Duration,
     rate: f64,
+    /// Whether rounds behind the end of a search cost less than to ask whether it has ended. Not where the CPU does both.
+    goes_beyond: bool,
 }
 
 impl Pace {
     /// Nothing is known. A submission should take about as long as `news`.
-    pub(super) fn new(news: Duration) -> Self {
-        Self { news, rate: FIRST_RATE }
+    pub(super) fn new(news: Duration, device: &DeviceInfo) -> Self {
+        Self { news, rate: FIRST_RATE, goes_beyond: device.kind == DeviceKind::VulkanGpu }
     }
 
-    /// How many rounds go next, of those that search `searched` nodes each: no more than the limits leave, and one at least.
+    /// How many rounds go next, of those that search so many nodes each and after which the search may end or not: no more than the limits leave, and one at
+    /// least.
     pub(super) fn rounds(
         &self,
-        searched: impl IntoIterator<Item = f64>,
+        rounds: impl IntoIterator<Item = (f64, bool)>,
         limits: &Limits,
         iterations: u32,
         elapsed: Duration,
@@ -37,11 +41,14 @@ impl Pace {
         let left = limits.max_time.map_or(self.news, |most| most.saturating_sub(elapsed).min(self.news));
         let most = MOST_AT_ONCE.min(limits.max_iterations.saturating_sub(iterations)).max(1);
         let mut work = self.rate * left.as_secs_f64();
-        let fits = |searched: &f64| {
+        let mut has_ended = false;
+        let fits = |&(searched, may_end): &(f64, bool)| {
             work -= searched + OF_A_ROUND;
-            work >= 0.0
+            let fits = work >= 0.0 && !has_ended;
+            has_ended |= may_end && !self.goes_beyond;
+            fits
         };
-        let rounds = searched.into_iter().take(most as usize).take_while(fits).count();
+        let rounds = rounds.into_iter().take(most as usize).take_while(fits).count();
         (rounds as u32).max(1)
     }
 
@@ -58,32 +65,50 @@ impl Pace {
 mod tests {
     use super::*;
 
+    fn pace(news: Duration, kind: DeviceKind) -> Pace {
+        Pace::new(news, &DeviceInfo::new("any", kind))
+    }
+
+    fn all(searched: &[f64]) -> Vec<(f64, bool)> {
+        searched.iter().map(|&searched| (searched, true)).collect()
+    }
+
     const NONE: Duration = Duration::ZERO;
     const NEWS: Duration = Duration::from_millis(20);
 
     #[test]
     fn rounds_fill_a_slice_of_time() {
         let limits = Limits::iterations(1000);
-        let mut pace = Pace::new(NEWS);
-        let few = |pace: &Pace| pace.rounds([1000.0; 100], &limits, 0, NONE);
+        let mut pace = pace(NEWS, DeviceKind::VulkanGpu);
+        let few = |pace: &Pace| pace.rounds(all(&[1000.0; 100]), &limits, 0, NONE);
         assert_eq!(few(&pace), 10);
         pace.note(10, 10_000.0, 0.001);
         assert_eq!(few(&pace), MOST_AT_ONCE, "the rate rises");
         pace.note(16, 16_000.0, 0.1);
         assert_eq!(few(&pace), 3, "and falls");
-        assert_eq!(pace.rounds([1e9, 1.0], &limits, 0, NONE), 1, "one round goes in any case");
-        assert_eq!(pace.rounds([1e3, 1e9, 1.0], &limits, 0, NONE), 1);
+        assert_eq!(pace.rounds(all(&[1e9, 1.0]), &limits, 0, NONE), 1, "one round goes in any case");
+        assert_eq!(pace.rounds(all(&[1e3, 1e9, 1.0]), &limits, 0, NONE), 1);
     }
 
     #[test]
     fn limits_and_observers_of_trees_make_them_fewer() {
-        let pace = Pace::new(NEWS);
+        let gpu = pace(NEWS, DeviceKind::VulkanGpu);
         let limits = Limits { max_time: Some(Duration::from_millis(100)), ..Limits::iterations(8) };
-        let rounds = |iterations, elapsed| pace.rounds([0.0; 100], &limits, iterations, Duration::from_millis(elapsed));
+        let rounds =
+            |iterations, elapsed| gpu.rounds(all(&[0.0; 100]), &limits, iterations, Duration::from_millis(elapsed));
         assert_eq!(rounds(0, 0), 8);
         assert_eq!(rounds(5, 0), 3);
         assert_eq!(rounds(0, 95), 5);
         assert_eq!(rounds(0, 200), 1);
-        assert_eq!(Pace::new(NONE).rounds([0.0; 100], &Limits::iterations(8), 0, NONE), 1);
+        assert_eq!(pace(NONE, DeviceKind::VulkanGpu).rounds(all(&[0.0; 100]), &Limits::iterations(8), 0, NONE), 1);
+    }
+
+    #[test]
+    fn where_the_cpu_does_both_no_round_goes_beyond_the_end() {
+        let limits = Limits::iterations(100);
+        let rounds = [(0.0, false), (0.0, false), (0.0, true), (0.0, true)];
+        for (kind, expected) in [(DeviceKind::Cpu, 3), (DeviceKind::VulkanCpu, 3), (DeviceKind::VulkanGpu, 4)] {
+            assert_eq!(pace(NEWS, kind).rounds(rounds, &limits, 0, NONE), expected);
+        }
     }
 }

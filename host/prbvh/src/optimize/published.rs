@@ -59,7 +59,7 @@ fn iterate(
     let flags = if settings.strategy == Strategy::Conservative { CONSERVATIVE } else { 0 };
     let (count, scale) = (session.node_count, ledger.scale);
     let round = PrbvhParams { count, mu: 0, first: 0, nodes: count, flags, row: 0, scale };
-    let mut pace = Pace::new(settings.news);
+    let mut pace = Pace::new(settings.news, device.info());
     let mut page = BEGIN;
     if observe(session.row(), session.tree, device).is_break() {
         return Ok(StopReason::Cancelled);
@@ -70,7 +70,7 @@ fn iterate(
         }
         let done = session.row().iteration;
         let searched = f64::from(session.node_count) / f64::from(session.row().mu);
-        let rounds = pace.rounds(std::iter::repeat(searched), &settings.limits, done, session.elapsed());
+        let rounds = pace.rounds(std::iter::repeat((searched, true)), &settings.limits, done, session.elapsed());
 
         let mut recording = Recording::new();
         recording.clear("search", &session.moves.report);

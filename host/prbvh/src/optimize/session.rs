@@ -1,7 +1,7 @@
 //! A run on a device: what both orders of search share.
 
 use super::areas::{Measure, TreeAreas};
-use super::ledger::Ledger;
+use super::ledger::{Ledger, Report};
 use super::moves::Moves;
 use super::{IterationRow, Limits, StopReason, set_relative_errors};
 use crate::build::{DeviceTree, Scratch};
@@ -40,9 +40,6 @@ impl Outcome {
 
 /// Sees the tree's every row, and may break.
 pub(super) type Observe<'a> = &'a mut dyn FnMut(&IterationRow, &DeviceTree, &mut dyn Device) -> ControlFlow<()>;
-
-/// A row of the report of a device.
-pub(super) type Report = [u32; REPORT_WORDS as usize];
 
 /// Seconds since the start of a run.
 #[derive(Clone, Copy, Debug)]

@@ -33,7 +33,8 @@ pub(super) fn run(
     let lists = Lists::new(device, &mut session.scratch, session.internal)?;
     let working_bytes = device.memory().bytes;
     let areas = session.begin(device, areas, 1)?;
-    let mut rounds = Rounds { lists, ledger: Ledger::new(areas, tree.references), pace: Pace::new(settings.news) };
+    let mut rounds =
+        Rounds { lists, ledger: Ledger::new(areas, tree.references), pace: Pace::new(settings.news, device.info()) };
     let stop = rounds.run(&mut session, device, settings, observe)?;
     rounds.restore_if_worse(&mut session, device)?;
     Ok(session.finish(device, stop, working_bytes))
@@ -223,7 +224,7 @@ impl Rounds {
             if let Some(stop) = session.ended(&settings.limits) {
                 return Ok(Some(stop));
             }
-            let searched = schedule.map(|round| round.wanted);
+            let searched = schedule.map(|round| (round.wanted, round.decides));
             let count = self.pace.rounds(searched, &settings.limits, done, session.elapsed());
             let rounds: Vec<Round> = schedule.take(count as usize).collect();
 

@@ -36,6 +36,7 @@ pub mod refit;
 pub mod select;
 pub mod unfold;
 pub mod verdict;
+mod words;
 
 use super::Move;
 use super::dual::search::{self, DualParams};

@@ -3,7 +3,7 @@
 //! Differences of sums are compared as floats: the same two roundings everywhere.
 
 use super::RoundParams;
-use super::books::{self, EVERY, HAS_FOUND, IDLE, LAST_LOST, OVER_LIST, PROGRESS, ROUND};
+use super::words::{EVERY, HAS_FOUND, IDLE, LAST_LOST, OVER_LIST, PROGRESS, ROUND, list_in_turn};
 use crate::mem::AtomicU32;
 use crate::status::{
     AT_FAULT, AT_TARGET, FAULTS, FOUND, FRINGE, GOES_ON, MU, NOTHING_FOUND, SEARCHED, SETTLED, VERDICT, WAITING,
@@ -53,7 +53,7 @@ fn published(params: &RoundParams, lost: Sum, books: &[AtomicU32], report: &[Ato
         books[IDLE].store(0);
     }
     books[ROUND].add(1);
-    books::list_in_turn(params, books);
+    list_in_turn(params, books);
     if goes_on || mu > 1 { GOES_ON } else { SETTLED }
 }
 
@@ -99,7 +99,7 @@ fn note_progress(params: &RoundParams, lost: Sum, counts: f32, books: &[AtomicU3
 
 #[cfg(test)]
 mod tests {
-    use super::super::books::{BEGIN, BOOKS_WORDS, CLOSE, EPOCH, FIRST, LIST_LENGTH, RESUME, STOPPED};
+    use super::super::books::{self, BEGIN, BOOKS_WORDS, CLOSE, EPOCH, FIRST, LIST_LENGTH, RESUME, STOPPED};
     use super::*;
     use crate::mem::Slot;
     use crate::status::{APPLIED, FAULT_SEARCH_STEPS, GREW, REPORT_WORDS, SHRUNK};
