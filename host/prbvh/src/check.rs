@@ -36,3 +36,14 @@ pub(crate) fn at_least_1(name: &'static str, value: u32) -> Result<(), SettingEr
 pub(crate) fn no_negative(name: &'static str, value: f64) -> Result<(), SettingError> {
     must(name, value, value >= 0.0 && value.is_finite(), NO_NEGATIVE)
 }
+
+/// A method that this program was built without.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{method} is not in this program: it was built without the cargo feature `{feature}`")]
+#[non_exhaustive]
+pub struct FeatureOff {
+    /// The method.
+    pub method: &'static str,
+    /// The cargo feature that has it.
+    pub feature: &'static str,
+}

@@ -1,12 +1,11 @@
 //! A tree in memory as the initial one.
 
 use crate::bvh::Bvh;
-use crate::settings::Initial;
 use std::sync::Arc;
 
 /// A tree that the caller has, lent to any number of runs.
 #[derive(Clone, Debug)]
-pub struct GivenTree(Arc<Bvh>);
+pub struct GivenTree(pub(crate) Arc<Bvh>);
 
 impl std::ops::Deref for GivenTree {
     type Target = Bvh;
@@ -30,17 +29,5 @@ impl Eq for GivenTree {}
 impl serde::Serialize for GivenTree {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_map([("nodes", self.nodes.len())])
-    }
-}
-
-impl From<Arc<Bvh>> for Initial {
-    fn from(tree: Arc<Bvh>) -> Self {
-        Self::Tree(GivenTree(tree))
-    }
-}
-
-impl From<Bvh> for Initial {
-    fn from(tree: Bvh) -> Self {
-        Arc::new(tree).into()
     }
 }

@@ -1,8 +1,8 @@
 //! What a run is asked for: initial tree, optimiser, leaves.
 
 use crate::build::{MortonBits, TreeletSize};
-use crate::bvh::MaxDepth;
-pub use crate::check::SettingError;
+use crate::bvh::{Bvh, MaxDepth};
+pub use crate::check::{FeatureOff, SettingError};
 use crate::collapse::CollapseSettings;
 pub use crate::given::GivenTree;
 use crate::optimize::{IterationRow, Limits, PrbvhSettings, RbvhSettings, WorstFirst};
@@ -10,16 +10,18 @@ use std::fmt;
 use std::num::NonZeroU32;
 #[cfg(feature = "files")]
 use std::path::PathBuf;
+use std::sync::Arc;
 
-/// A method that this program was built without.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{method} is not in this program: it was built without the cargo feature `{feature}`")]
-#[non_exhaustive]
-pub struct FeatureOff {
-    /// The method.
-    pub method: &'static str,
-    /// The cargo feature that has it.
-    pub feature: &'static str,
+impl From<Arc<Bvh>> for Initial {
+    fn from(tree: Arc<Bvh>) -> Self {
+        Self::Tree(GivenTree(tree))
+    }
+}
+
+impl From<Bvh> for Initial {
+    fn from(tree: Bvh) -> Self {
+        Arc::new(tree).into()
+    }
 }
 
 /// Where the initial tree comes from.
