@@ -9,6 +9,7 @@ use prbvh_kernel::Kernel;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
 use std::ops::ControlFlow;
+use std::time::Duration;
 
 /// Small triangles all over a cube.
 fn soup(count: usize) -> Vec<Triangle> {
@@ -26,7 +27,8 @@ fn soup(count: usize) -> Vec<Triangle> {
 /// The trees before the iterations, after each of them, and the best.
 fn trees(device: &mut dyn Device, triangles: &[Triangle], bits: MortonBits, strategy: Strategy) -> Vec<Vec<Node>> {
     let (tree, _) = lbvh(device, triangles, bits).unwrap();
-    let settings = PrbvhSettings { strategy, limits: Limits::iterations(12), ..PrbvhSettings::default() };
+    let (limits, news) = (Limits::iterations(12), Duration::ZERO);
+    let settings = PrbvhSettings { strategy, limits, news, ..PrbvhSettings::default() };
     let mut trees = Vec::new();
     let outcome = prbvh(device, &tree, &settings, &mut |_, tree, device| {
         trees.push(tree.download(device).unwrap());
