@@ -144,14 +144,14 @@ fn restored(device: &mut Noting) -> [u32; 2] {
     (nodes[0].down, nodes[right as usize].up, nodes[left as usize].up) = (right, left, RIGHT);
     let internal = nodes.len() / 2;
     let tree = DeviceTree::upload(device, &nodes).unwrap();
-    let kept = device::Device::allocate(device, "kept", internal, size_of::<Kept>()).unwrap();
-    device::Device::upload(device, &kept, bytemuck::bytes_of(&Kept { epoch: 1, left, right })).unwrap();
+    let kept = Device::allocate(device, "kept", internal, size_of::<Kept>()).unwrap();
+    Device::upload(device, &kept, bytemuck::bytes_of(&Kept { epoch: 1, left, right })).unwrap();
     let mut recording = Recording::new();
     let params = RestoreParams { count: internal as u32, epoch: 1 };
     recording.dispatch("restore", Kernel::KeptRestore, params.count, &params, &[&kept, &tree.nodes]);
-    device::Device::run(device, &recording).unwrap();
+    Device::run(device, &recording).unwrap();
     let nodes = tree.download(device).unwrap();
-    device::Device::free(device, kept);
+    Device::free(device, kept);
     tree.free(device);
     assert_eq!([nodes[0].down, nodes[left as usize].up, nodes[right as usize].up], [left, right, RIGHT]);
     [left, right]
