@@ -34,7 +34,7 @@ pub const BUCKET: usize = 21;
 pub const PART: usize = 22;
 /// Number of the best tree, from 1 on.
 pub const EPOCH: usize = 23;
-/// Two words: a [`Sum`] of what the areas have lost since the first tree, less what they gained.
+/// Two words: a [`Sum`](crate::sum::Sum) of what the areas have lost since the first tree, less what they gained.
 pub const LOST: usize = 24;
 /// The same of the best tree.
 pub const MOST_LOST: usize = 26;
@@ -44,7 +44,7 @@ pub const TURN: usize = 28;
 pub const IDLE: usize = 29;
 /// Whether something was found in the rounds since the last one in which the search may end.
 pub const HAS_FOUND: usize = 30;
-/// Whether the rounds have ended: no page is written, and lists count as empty, until the next [`RESUME`] or [`BEGIN`].
+/// Whether the rounds have ended: no page is written, and lists count as empty, until they begin again or go on.
 pub const STOPPED: usize = 31;
 /// Two words: [`LOST`] at the last progress.
 pub const PROGRESS: usize = 32;
