@@ -1,8 +1,12 @@
-//! Arrays of the caller as triangles.
+//! Arrays of the caller as scenes.
 
 use crate::PrbvhBox;
 use crate::status::Failure;
-use prbvh::scene::{MAX_TRIANGLES, Triangle};
+use prbvh::scene::{Aabb, MAX_TRIANGLES, Scene};
+use std::borrow::Cow;
+
+/// What errors call a scene.
+const NAME: &str = "primitives";
 
 /// The slice behind a pointer of the caller.
 ///
@@ -65,24 +69,12 @@ impl Indexed<'_> {
         Ok(Self { vertices, indices, triangles: triangle_count })
     }
 
-    /// The triangles.
-    pub(crate) fn triangles(&self) -> Result<Vec<Triangle>, Failure> {
-        let corner = |triangle: usize, index: u32| {
-            let vertex = self.vertices.get(index as usize).copied();
-            vertex.ok_or_else(|| {
-                let vertices = self.vertices.len();
-                Failure::geometry(format!("triangle {triangle}: vertex {index} is not among the {vertices} vertices"))
-            })
-        };
-        let triangle = |k: usize| {
-            let [a, b, c] = match self.indices {
-                Some(indices) => indices[k],
-                // Checked: no more triangles than have 32-bit corners.
-                None => [0, 1, 2].map(|corner| 3 * k as u32 + corner),
-            };
-            Ok(Triangle { a: corner(k, a)?, b: corner(k, b)?, c: corner(k, c)? })
-        };
-        (0..self.triangles).map(triangle).collect()
+    /// The scene.
+    pub(crate) fn scene(&self) -> Result<Scene, Failure> {
+        // Checked: no more triangles than have 32-bit corners.
+        let in_turn = || (0..self.triangles as u32).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        let indices = self.indices.map_or_else(|| Cow::Owned(in_turn()), Cow::Borrowed);
+        Ok(Scene::indexed(NAME, self.vertices, &indices)?)
     }
 }
 
@@ -98,18 +90,9 @@ impl Boxes<'_> {
         Ok(Self(unsafe { slice("boxes", boxes, count) }?))
     }
 
-    /// Triangles that have these boxes: each with both corners among its own.
-    pub(crate) fn triangles(&self) -> Result<Vec<Triangle>, Failure> {
-        let triangle = |(k, PrbvhBox { min, max }): (usize, &PrbvhBox)| {
-            // A NaN is found with the other coordinates.
-            match (0..3).find(|&axis| min[axis] > max[axis]) {
-                None => Ok(Triangle { a: *min, b: *max, c: *max }),
-                Some(axis) => {
-                    let (axis, min, max) = (["x", "y", "z"][axis], min[axis], max[axis]);
-                    Err(Failure::geometry(format!("box {k}: the smallest {axis} is {min}, above the largest, {max}")))
-                }
-            }
-        };
-        self.0.iter().enumerate().map(triangle).collect()
+    /// The scene.
+    pub(crate) fn scene(&self) -> Result<Scene, Failure> {
+        let boxes: Vec<Aabb> = self.0.iter().map(|&PrbvhBox { min, max }| Aabb { min, max }).collect();
+        Ok(Scene::from_boxes(NAME, &boxes)?)
     }
 }

@@ -56,7 +56,7 @@ pub unsafe extern "C" fn prbvh_optimize_triangles(
         let out = unsafe { run::Out::new(nodes, order, result) }?;
         // SAFETY: the caller's duty.
         let options = unsafe { options::read(options) }?;
-        run::run(|| triangles.triangles(), &options, out)
+        run::run(|| triangles.scene(), &options, out)
     })
 }
 
@@ -82,7 +82,7 @@ pub unsafe extern "C" fn prbvh_optimize_boxes(
         let out = unsafe { run::Out::new(nodes, order, result) }?;
         // SAFETY: the caller's duty.
         let options = unsafe { options::read(options) }?;
-        run::run(|| boxes.triangles(), &options, out)
+        run::run(|| boxes.scene(), &options, out)
     })
 }
 

@@ -8,7 +8,7 @@ use prbvh::bvh::FlatTree;
 use prbvh::device;
 use prbvh::optimize::{IterationRow, StopReason};
 use prbvh::pipeline::{self, Optimized};
-use prbvh::scene::{Scene, Triangle};
+use prbvh::scene::Scene;
 use std::ops::ControlFlow;
 
 /// A node, 32 bytes; the root is the first. Children come after their parents.
@@ -117,13 +117,13 @@ impl Out {
 
 /// Optimises and writes.
 pub(crate) fn run(
-    triangles: impl FnOnce() -> Result<Vec<Triangle>, Failure>,
+    scene: impl FnOnce() -> Result<Scene, Failure>,
     options: &PrbvhOptions,
     out: Out,
 ) -> Result<(), Failure> {
     let start = std::time::Instant::now();
     let (choice, settings) = (options.device()?, options.settings()?);
-    let scene = Scene::from_triangles("primitives", triangles()?)?;
+    let scene = scene()?;
     let mut device = device::open(choice, options.threads as usize, false)?;
     let done = pipeline::optimize(&scene, &mut *device, &settings, &mut |row| told(options, row))?;
     let result = result(&done, start.elapsed().as_secs_f64());

@@ -2,7 +2,7 @@
 
 use prbvh::device::DeviceError;
 use prbvh::pipeline::PipelineError;
-use prbvh::scene::SceneError;
+use prbvh::scene::{Place, SceneError};
 use std::cell::RefCell;
 use std::ffi::{CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -48,7 +48,17 @@ impl Failure {
 
 impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Self {
-        Self::geometry(error.to_string())
+        Self::geometry(match error {
+            SceneError::Index { place: Place::Element(what, at), index, count, .. } => {
+                format!("{what} {at}: vertex {index} is not among the {count} vertices")
+            }
+            SceneError::Inverted { place: Place::Element(what, at), min, max, .. } => {
+                let axis = (0..3).find(|&axis| min[axis] > max[axis]).unwrap_or(0);
+                let (axis, min, max) = (["x", "y", "z"][axis], min[axis], max[axis]);
+                format!("{what} {at}: the smallest {axis} is {min}, above the largest, {max}")
+            }
+            error => error.to_string(),
+        })
     }
 }
 

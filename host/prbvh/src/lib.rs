@@ -149,7 +149,7 @@ pub use scene::{Scene, SceneError, Triangle};
 pub use settings::{Initial, Optimizer, Settings};
 pub use stop::Stop;
 
-/// Compiles the example of the README.
-#[cfg(doctest)]
+/// Compiles the example of the README, which reads a file.
+#[cfg(all(doctest, feature = "files"))]
 #[doc = include_str!("../../../README.md")]
 pub struct Readme;

@@ -1,7 +1,7 @@
-//! Arrays of numpy as triangles. They are read where they lie, and all of them while nobody else runs Python.
+//! Arrays of numpy as triangles and boxes. They are read where they lie, and all of them while nobody else runs Python.
 
 use numpy::{Element, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
-use prbvh::scene::Triangle;
+use prbvh::scene::{Aabb, Triangle};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
@@ -50,7 +50,7 @@ pub(crate) fn triangles_of(
             let text = format!("vertices must be a multiple of 3 without triangles, but are {}", vertices.len());
             return Err(PyValueError::new_err(text));
         }
-        return Ok(corners.iter().map(|&[a, b, c]| Triangle { a, b, c }).collect());
+        return Ok(corners.iter().map(|&corners| corners.into()).collect());
     };
     let triangles = array::<u32>("triangles", triangles, ("uint32", &[3]))?;
     let (triangles, _) = elements("triangles", &triangles)?.as_chunks::<3>();
@@ -66,21 +66,10 @@ pub(crate) fn triangles_of(
     triangles.iter().enumerate().map(triangle).collect()
 }
 
-/// Triangles that have the boxes: each with both corners among its own.
-pub(crate) fn boxes_of(boxes: &Bound<'_, PyAny>) -> PyResult<Vec<Triangle>> {
+/// The boxes.
+pub(crate) fn boxes_of(boxes: &Bound<'_, PyAny>) -> PyResult<Vec<Aabb>> {
     let boxes = array::<f32>("boxes", boxes, ("float32", &[2, 3]))?;
     let (corners, _) = elements("boxes", &boxes)?.as_chunks::<3>();
     let (boxes, _) = corners.as_chunks();
-    let triangle = |(k, &[min, max]): (usize, &[[f32; 3]; 2])| {
-        // A NaN is found with the other coordinates.
-        match (0..3).find(|&axis| min[axis] > max[axis]) {
-            None => Ok(Triangle { a: min, b: max, c: max }),
-            Some(axis) => {
-                let (axis, min, max) = (["x", "y", "z"][axis], min[axis], max[axis]);
-                let text = format!("boxes[{k}]: the smallest {axis} is {min}, above the largest, {max}");
-                Err(PyValueError::new_err(text))
-            }
-        }
-    };
-    boxes.iter().enumerate().map(triangle).collect()
+    Ok(boxes.iter().map(|&[min, max]| Aabb { min, max }).collect())
 }

@@ -7,6 +7,7 @@ mod run;
 use arrays::{boxes_of, triangles_of};
 use numpy::PyArray1;
 use options::Options;
+use prbvh::scene::Scene;
 use pyo3::create_exception;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -24,13 +25,15 @@ fn triangles<'py>(
     triangles: Option<&Bound<'py, PyAny>>,
     options: Options<'py>,
 ) -> PyResult<Made<'py>> {
-    run::run(vertices.py(), triangles_of(vertices, triangles)?, &options)
+    let triangles = triangles_of(vertices, triangles)?;
+    run::run(vertices.py(), || Scene::from_triangles(run::NAME, triangles), &options)
 }
 
 /// Optimises a tree over boxes.
 #[pyfunction]
 fn boxes<'py>(boxes: &Bound<'py, PyAny>, options: Options<'py>) -> PyResult<Made<'py>> {
-    run::run(boxes.py(), boxes_of(boxes)?, &options)
+    let all = boxes_of(boxes)?;
+    run::run(boxes.py(), || Scene::from_boxes(run::NAME, &all), &options)
 }
 
 #[pymodule]

@@ -7,14 +7,21 @@ use prbvh::bvh::FlatTree;
 use prbvh::device::{self, DeviceChoice, DeviceError};
 use prbvh::optimize::IterationRow;
 use prbvh::pipeline::{self, Optimized, PipelineError, Settings};
-use prbvh::scene::{Scene, SceneError, Triangle};
+use prbvh::scene::{Place, Scene, SceneError};
 use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::ops::ControlFlow;
 
-/// Optimises a tree over the triangles.
-pub(crate) fn run<'py>(py: Python<'py>, triangles: Vec<Triangle>, options: &Options<'py>) -> PyResult<Made<'py>> {
+/// What errors call a scene.
+pub(crate) const NAME: &str = "primitives";
+
+/// Optimises a tree over a scene, which is made without Python's lock, too.
+pub(crate) fn run<'py>(
+    py: Python<'py>,
+    scene: impl FnOnce() -> Result<Scene, SceneError> + Send,
+    options: &Options<'py>,
+) -> PyResult<Made<'py>> {
     let (choice, threads, settings) = (options.device()?, options.threads(), options.settings()?);
     let progress = options.progress().map(|progress| progress.clone().unbind());
     let ended = py.detach(|| {
@@ -26,7 +33,7 @@ pub(crate) fn run<'py>(py: Python<'py>, triangles: Vec<Triangle>, options: &Opti
                 ControlFlow::Break(())
             }
         };
-        let ended = optimized(triangles, (choice, threads), &settings, &mut observe);
+        let ended = optimized(scene, (choice, threads), &settings, &mut observe);
         // What Python raised ended the run; its tree is nobody's.
         raised.map_or(ended.map_err(Failure::into_py), Err)
     });
@@ -60,6 +67,12 @@ enum Failure {
 impl Failure {
     fn into_py(self) -> PyErr {
         let error = match self {
+            Self::Scene(SceneError::Inverted { place: Place::Element(_, at), min, max, .. }) => {
+                let axis = (0..3).find(|&axis| min[axis] > max[axis]).unwrap_or(0);
+                let (axis, min, max) = (["x", "y", "z"][axis], min[axis], max[axis]);
+                let text = format!("boxes[{at}]: the smallest {axis} is {min}, above the largest, {max}");
+                return PyValueError::new_err(text);
+            }
             Self::Scene(error) => return PyValueError::new_err(error.to_string()),
             Self::Pipeline(error) => error,
         };
@@ -74,12 +87,12 @@ impl Failure {
 
 /// The run; also the name of its device.
 fn optimized(
-    triangles: Vec<Triangle>,
+    scene: impl FnOnce() -> Result<Scene, SceneError>,
     (choice, threads): (DeviceChoice, usize),
     settings: &Settings,
     observe: &mut dyn FnMut(&IterationRow) -> ControlFlow<()>,
 ) -> Result<(Optimized, String), Failure> {
-    let scene = Scene::from_triangles("primitives", triangles).map_err(Failure::Scene)?;
+    let scene = scene().map_err(Failure::Scene)?;
     let mut device = device::open(choice, threads, false).map_err(|error| Failure::Pipeline(error.into()))?;
     let name = device.info().name.clone();
     let done = pipeline::optimize(&scene, &mut *device, settings, observe).map_err(Failure::Pipeline)?;

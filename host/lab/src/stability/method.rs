@@ -21,39 +21,24 @@ pub struct Method {
 
 impl Method {
     fn builder(name: &'static str, initial: Initial) -> Self {
-        let prbvh = PrbvhSettings::default().with(|s| s.limits = Limits::iterations(0));
-        Self {
-            name,
-            settings: unbounded().with(|s| {
-                s.initial = initial;
-                s.prbvh = prbvh;
-            }),
-            optimizes: false,
-        }
+        let none = PrbvhSettings::default().with(|s| s.limits = Limits::iterations(0));
+        Self { optimizes: false, ..Self::prbvh(name, initial, none) }
     }
 
     fn published(name: &'static str, initial: Initial, mu: u32) -> Self {
-        let prbvh = PrbvhSettings::published().with(|s| s.mu = mu);
-        Self {
-            name,
-            settings: unbounded().with(|s| {
-                s.initial = initial;
-                s.prbvh = prbvh;
-            }),
-            optimizes: true,
-        }
+        Self::prbvh(name, initial, PrbvhSettings::published().with(|s| s.mu = mu))
     }
 
     fn worst_first(name: &'static str, initial: Initial) -> Self {
-        let prbvh = PrbvhSettings::default().with(|s| s.order = Order::WorstFirst);
-        Self {
-            name,
-            settings: unbounded().with(|s| {
-                s.initial = initial;
-                s.prbvh = prbvh;
-            }),
-            optimizes: true,
-        }
+        Self::prbvh(name, initial, PrbvhSettings::default().with(|s| s.order = Order::WorstFirst))
+    }
+
+    fn prbvh(name: &'static str, initial: Initial, prbvh: PrbvhSettings) -> Self {
+        let settings = unbounded().with(|s| {
+            s.initial = initial;
+            s.prbvh = prbvh;
+        });
+        Self { name, settings, optimizes: true }
     }
 
     fn rbvh(name: &'static str) -> Self {

@@ -15,24 +15,26 @@ const FIRST_RATE: f64 = 1e6;
 const MOST_RISE: f64 = 8.0;
 
 /// What a device did in the submissions so far.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 pub(super) struct Pace {
     news: Duration,
     rate: f64,
     /// Whether rounds behind the end of a search cost less than to ask whether it has ended. Not where the CPU does both.
     goes_beyond: bool,
+    /// Work of each round that goes next.
+    planned: Vec<f64>,
 }
 
 impl Pace {
     /// Nothing is known. A submission should take about as long as `news`.
     pub(super) fn new(news: Duration, device: &DeviceInfo) -> Self {
-        Self { news, rate: FIRST_RATE, goes_beyond: device.kind == DeviceKind::VulkanGpu }
+        Self { news, rate: FIRST_RATE, goes_beyond: device.kind == DeviceKind::VulkanGpu, planned: Vec::new() }
     }
 
     /// How many rounds go next, of those that search so many nodes each and after which the search may end or not: no more than the limits leave, and one at
     /// least.
     pub(super) fn rounds(
-        &self,
+        &mut self,
         rounds: impl IntoIterator<Item = (f64, bool)>,
         limits: &Limits,
         iterations: u32,
@@ -40,22 +42,26 @@ impl Pace {
     ) -> u32 {
         let left = limits.max_time.map_or(self.news, |most| most.saturating_sub(elapsed).min(self.news));
         let most = MOST_AT_ONCE.min(limits.max_iterations.saturating_sub(iterations)).max(1);
-        let mut work = self.rate * left.as_secs_f64();
-        let mut has_ended = false;
-        let fits = |&(searched, may_end): &(f64, bool)| {
-            work -= searched + OF_A_ROUND;
-            let fits = work >= 0.0 && !has_ended;
-            has_ended |= may_end && !self.goes_beyond;
-            fits
-        };
-        let rounds = rounds.into_iter().take(most as usize).take_while(fits).count();
-        (rounds as u32).max(1)
+        let mut room = self.rate * left.as_secs_f64();
+        self.planned.clear();
+        for (searched, may_end) in rounds.into_iter().take(most as usize) {
+            let work = searched + OF_A_ROUND;
+            room -= work;
+            if room < 0.0 && !self.planned.is_empty() {
+                break;
+            }
+            self.planned.push(work);
+            if room < 0.0 || may_end && !self.goes_beyond {
+                break;
+            }
+        }
+        self.planned.len() as u32
     }
 
-    /// Takes note of rounds that have searched so many nodes together.
-    pub(super) fn note(&mut self, rounds: usize, searched: f64, seconds: f64) {
-        if rounds > 0 && seconds > 0.0 {
-            let rate = (searched + OF_A_ROUND * rounds as f64) / seconds;
+    /// Takes note of how long it took to make so many of them.
+    pub(super) fn note(&mut self, made: usize, seconds: f64) {
+        if made > 0 && seconds > 0.0 {
+            let rate = self.planned[..made].iter().sum::<f64>() / seconds;
             self.rate = rate.min(MOST_RISE * self.rate);
         }
     }
@@ -80,21 +86,21 @@ mod tests {
     fn rounds_fill_a_slice_of_time() {
         let limits = Limits::iterations(1000);
         let mut pace = pace(NEWS, DeviceKind::VulkanGpu);
-        let few = |pace: &Pace| pace.rounds(all(&[1000.0; 100]), &limits, 0, NONE);
-        assert_eq!(few(&pace), 10);
-        pace.note(10, 10_000.0, 0.001);
-        assert_eq!(few(&pace), MOST_AT_ONCE, "the rate rises");
-        pace.note(16, 16_000.0, 0.1);
-        assert_eq!(few(&pace), 3, "and falls");
+        let few = |pace: &mut Pace| pace.rounds(all(&[1000.0; 100]), &limits, 0, NONE);
+        assert_eq!(few(&mut pace), 10);
+        pace.note(10, 0.001);
+        assert_eq!(few(&mut pace), MOST_AT_ONCE, "the rate rises");
+        pace.note(16, 0.1);
+        assert_eq!(few(&mut pace), 3, "and falls");
         assert_eq!(pace.rounds(all(&[1e9, 1.0]), &limits, 0, NONE), 1, "one round goes in any case");
         assert_eq!(pace.rounds(all(&[1e3, 1e9, 1.0]), &limits, 0, NONE), 1);
     }
 
     #[test]
     fn limits_and_observers_of_trees_make_them_fewer() {
-        let gpu = pace(NEWS, DeviceKind::VulkanGpu);
+        let mut gpu = pace(NEWS, DeviceKind::VulkanGpu);
         let limits = Limits { max_time: Some(Duration::from_millis(100)), ..Limits::iterations(8) };
-        let rounds =
+        let mut rounds =
             |iterations, elapsed| gpu.rounds(all(&[0.0; 100]), &limits, iterations, Duration::from_millis(elapsed));
         assert_eq!(rounds(0, 0), 8);
         assert_eq!(rounds(5, 0), 3);

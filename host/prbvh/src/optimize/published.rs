@@ -2,7 +2,7 @@
 
 use super::ledger::Ledger;
 use super::pace::{MOST_AT_ONCE, Pace};
-use super::session::{Observe, Outcome, Session, no_fault};
+use super::session::{Observe, Outcome, Session};
 use super::{Epsilon, PrbvhSettings, StopReason, Strategy, TreeAreas};
 use crate::build::DeviceTree;
 use crate::device::{Device, DeviceError, Recording};
@@ -11,7 +11,7 @@ use prbvh_kernel::prbvh::worst::RoundParams;
 use prbvh_kernel::prbvh::worst::books::{BEGIN, CLOSE, RESUME};
 use prbvh_kernel::prbvh::worst::verdict::{JUDGES, PUBLISHED};
 use prbvh_kernel::prbvh::{CONSERVATIVE, PrbvhParams};
-use prbvh_kernel::status::{FAULTS, GOES_ON, MU, REPORT_WORDS, SEARCHED, SETTLED, VERDICT};
+use prbvh_kernel::status::{GOES_ON, REPORT_WORDS, SETTLED};
 
 pub(super) fn run(
     device: &mut dyn Device,
@@ -60,7 +60,7 @@ fn iterate(
     let (count, scale) = (session.node_count, ledger.scale);
     let round = PrbvhParams { count, mu: 0, first: 0, nodes: count, flags, row: 0, scale };
     let mut pace = Pace::new(settings.news, device.info());
-    let mut page = BEGIN;
+    let mut page = Some(BEGIN);
     if observe(session.row(), session.tree, device).is_break() {
         return Ok(StopReason::Cancelled);
     }
@@ -74,7 +74,7 @@ fn iterate(
 
         let mut recording = Recording::new();
         recording.clear("search", &session.moves.report);
-        if page != CLOSE {
+        if let Some(page) = page {
             record_page(session, &mut recording, &RoundParams { page, ..rule });
         }
         let mut ends = Vec::new();
@@ -83,24 +83,14 @@ fn iterate(
             record_page(session, &mut recording, &RoundParams { page: CLOSE, row, ..rule });
             ends.push(recording.commands().len());
         }
-        let start = session.elapsed_s();
-        let reports = session.submit_rows(device, recording, &ends)?;
-        let searched = reports.iter().map(|(report, _)| f64::from(report[SEARCHED])).sum();
-        pace.note(reports.len(), searched, session.elapsed_s() - start);
-        let mut verdict = GOES_ON;
-        for (report, clock) in reports {
-            no_fault(device, report[FAULTS])?;
-            session.push_round(&report, report[MU], ledger, clock);
-            verdict = report[VERDICT];
-        }
-        // The tree is that of the last row.
-        if session.observe_rows(done, device, observe).is_break() {
+        let made = session.run_rounds(device, recording, &ends, (ledger, &mut pace), observe)?;
+        if made.flow.is_break() {
             return Ok(StopReason::Cancelled);
         }
-        if verdict == SETTLED {
+        if made.verdict == SETTLED {
             return Ok(StopReason::Converged);
         }
-        page = if verdict == GOES_ON { CLOSE } else { RESUME };
+        page = (made.verdict != GOES_ON).then_some(RESUME);
     }
 }
 

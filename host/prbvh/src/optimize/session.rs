@@ -3,12 +3,13 @@
 use super::areas::{Measure, TreeAreas};
 use super::ledger::{Ledger, Report};
 use super::moves::Moves;
+use super::pace::Pace;
 use super::{IterationRow, Limits, StopReason, set_relative_errors};
 use crate::build::{DeviceTree, Scratch};
 use crate::device::{Device, DeviceError, Recording, Timing};
 use prbvh_kernel::prbvh::worst::books::EPOCH;
 use prbvh_kernel::status::{
-    APPLIED, FAULT_BROKEN_TREE, FAULT_SEARCH_STEPS, FAULT_TREELET, FAULTS, FOUND, GOES_ON, MOST_STEPS, OWNED,
+    APPLIED, FAULT_BROKEN_TREE, FAULT_SEARCH_STEPS, FAULT_TREELET, FAULTS, FOUND, GOES_ON, MOST_STEPS, MU, OWNED,
     PREDICTED, REPORT_WORDS, SEARCHED, VERDICT, VISITS,
 };
 use prbvh_kernel::sum;
@@ -64,6 +65,17 @@ pub(super) fn no_fault(device: &dyn Device, faults: u32) -> Result<(), DeviceErr
     }
     let problem = format!("fault {faults:#x}: {}", told.join(", "));
     Err(DeviceError::Kernel { kernel: "the optimiser", problem, device: device.info().name.clone() })
+}
+
+/// What became of the rounds of a submission.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Made {
+    /// How many were made.
+    pub(super) rounds: usize,
+    /// Of the last one.
+    pub(super) verdict: u32,
+    /// Whether the observer goes on.
+    pub(super) flow: ControlFlow<()>,
 }
 
 /// A run on a device, whatever the order.
@@ -158,7 +170,7 @@ impl<'a> Session<'a> {
     }
 
     /// Submits several iterations, of which each ends before a command in `ends`; returns the row of the report of each that was made, and when it ended.
-    pub(super) fn submit_rows(
+    fn submit_rows(
         &mut self,
         device: &mut dyn Device,
         mut recording: Recording,
@@ -202,15 +214,17 @@ impl<'a> Session<'a> {
         Ok(report)
     }
 
-    /// The row of an iteration after which the tree has this cost.
-    fn push_row(&mut self, report: &Report, mu: u32, cost: f64, areas: &TreeAreas, scale: f32, clock: Clock) {
+    /// Adds the row of a round.
+    fn push_round(&mut self, report: &Report, ledger: &mut Ledger, clock: Clock) {
+        let predicted = sum::to_f64(report[PREDICTED], report[PREDICTED + 1], ledger.scale);
         let row = IterationRow {
             iteration: self.row().iteration + 1,
-            mu,
+            // Worst first has none.
+            mu: report[MU].max(1),
             time_s: clock.time_s,
             device_s: clock.device_s,
-            cost,
-            predicted_decrease: areas.cost_of(sum::to_f64(report[PREDICTED], report[PREDICTED + 1], scale)),
+            cost: ledger.note(report),
+            predicted_decrease: ledger.areas.cost_of(predicted),
             searched: report[SEARCHED],
             visits: report[VISITS],
             found: report[FOUND],
@@ -222,15 +236,27 @@ impl<'a> Session<'a> {
         self.rows.push(row);
     }
 
-    /// Adds the row of a round.
-    pub(super) fn push_round(&mut self, report: &Report, mu: u32, ledger: &mut Ledger, clock: Clock) {
-        let cost = ledger.note(report);
-        self.push_row(report, mu, cost, &ledger.areas, ledger.scale, clock);
-    }
-
-    /// Shows the rows after iteration `done`.
-    pub(super) fn observe_rows(&self, done: u32, device: &mut dyn Device, observe: Observe<'_>) -> ControlFlow<()> {
-        self.rows[done as usize + 1..].iter().try_for_each(|row| observe(row, self.tree, device))
+    /// Submits rounds, of which each ends before a command in `ends`, and takes note of those that were made.
+    pub(super) fn run_rounds(
+        &mut self,
+        device: &mut dyn Device,
+        recording: Recording,
+        ends: &[usize],
+        (ledger, pace): (&mut Ledger, &mut Pace),
+        observe: Observe<'_>,
+    ) -> Result<Made, DeviceError> {
+        let (first, start) = (self.rows.len(), Instant::now());
+        let reports = self.submit_rows(device, recording, ends)?;
+        pace.note(reports.len(), start.elapsed().as_secs_f64());
+        let mut verdict = GOES_ON;
+        for (report, clock) in reports {
+            no_fault(device, report[FAULTS])?;
+            self.push_round(&report, ledger, clock);
+            verdict = report[VERDICT];
+        }
+        // The tree is that of the last row.
+        let flow = self.rows[first..].iter().try_for_each(|row| observe(row, self.tree, device));
+        Ok(Made { rounds: self.rows.len() - first, verdict, flow })
     }
 
     /// Why there is no other iteration, if there is none.

@@ -5,15 +5,15 @@ use super::ledger::Ledger;
 use super::lists::{FIRST_STAGES, Lists, Of, POOL, Trial};
 use super::new_top;
 use super::pace::{MOST_AT_ONCE, Pace};
-use super::session::{Observe, Outcome, Session, no_fault};
+use super::session::{Observe, Outcome, Session};
 use super::{PrbvhSettings, StopReason, TreeAreas, WorstFirst};
 use crate::build::DeviceTree;
 use crate::device::{Device, DeviceError, Recording};
 use prbvh_kernel::prbvh::dual::search::TO_THE_ROOT;
 use prbvh_kernel::prbvh::worst::RoundParams;
-use prbvh_kernel::prbvh::worst::books::{BEGIN, BEST, CLOSE, MOST_STAGES, RESUME};
+use prbvh_kernel::prbvh::worst::books::{BEGIN, BEST, MOST_STAGES, RESUME};
 use prbvh_kernel::prbvh::worst::verdict::{DECIDES, JUDGES};
-use prbvh_kernel::status::{FAULTS, GOES_ON, NOTHING_FOUND, REPORT_WORDS, SETTLED, VERDICT};
+use prbvh_kernel::status::{GOES_ON, NOTHING_FOUND, REPORT_WORDS, SETTLED};
 
 /// The search may end after so many rounds, then after so many more, and so on; after each, in the end. The first ones are short.
 const TOGETHER: [u32; 4] = [6, 4, 3, 2];
@@ -214,7 +214,7 @@ impl Rounds {
             ..self.params(session, settings)
         };
         let mut schedule = Schedule::new(&search, growth, session.internal);
-        let mut page = BEGIN;
+        let mut page = Some(BEGIN);
         let begins_at = session.row().iteration;
         if begins_at == 0 && observe(session.row(), session.tree, device).is_break() {
             return Ok(Some(StopReason::Cancelled));
@@ -230,9 +230,6 @@ impl Rounds {
 
             let mut recording = Recording::new();
             recording.clear("select", &session.moves.report);
-            if page == RESUME {
-                self.lists.record_page(of(session), &mut recording, &rule, RESUME);
-            }
             let mut ends = Vec::new();
             for (k, round) in (0..).zip(&rounds) {
                 let params = RoundParams {
@@ -241,41 +238,34 @@ impl Rounds {
                     pool: (round.next as u32).saturating_mul(POOL),
                     ..rule
                 };
-                if page == BEGIN && k == 0 {
-                    if done > 0 {
-                        self.lists.record_forget(&mut recording);
+                match page.take() {
+                    Some(BEGIN) => {
+                        if done > 0 {
+                            self.lists.record_forget(&mut recording);
+                        }
+                        self.lists.record_begin(of(session), &mut recording, &params, FIRST_STAGES);
                     }
-                    self.lists.record_begin(of(session), &mut recording, &params, FIRST_STAGES);
+                    Some(page) => self.lists.record_page(of(session), &mut recording, &params, page),
+                    None => {}
                 }
                 let decides = if round.decides { DECIDES } else { 0 };
                 let params = RoundParams { flags: JUDGES | decides, ..params };
                 self.lists.record_round(of(session), &mut recording, &params, &search.trial);
                 ends.push(recording.commands().len());
             }
-            let start = session.elapsed_s();
-            let reports = session.submit_rows(device, recording, &ends)?;
-            let made = &rounds[..reports.len()];
-            let wanted = made.iter().map(|round| round.wanted).sum();
-            self.pace.note(made.len(), wanted, session.elapsed_s() - start);
-            if let Some(last) = made.last() {
+            let made = session.run_rounds(device, recording, &ends, (&mut self.ledger, &mut self.pace), observe)?;
+            if let Some(last) = rounds[..made.rounds].last() {
                 schedule = last.after;
             }
-            let mut verdict = GOES_ON;
-            for (report, clock) in reports {
-                no_fault(device, report[FAULTS])?;
-                session.push_round(&report, 1, &mut self.ledger, clock);
-                verdict = report[VERDICT];
-            }
-            // The tree is that of the last row.
-            if session.observe_rows(done, device, observe).is_break() {
+            if made.flow.is_break() {
                 return Ok(Some(StopReason::Cancelled));
             }
-            match verdict {
+            match made.verdict {
                 SETTLED => return Ok(None),
                 NOTHING_FOUND => schedule.hurry(),
                 _ => {}
             }
-            page = if verdict == GOES_ON { CLOSE } else { RESUME };
+            page = (made.verdict != GOES_ON).then_some(RESUME);
         }
     }
 

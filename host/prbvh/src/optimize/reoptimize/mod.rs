@@ -12,6 +12,7 @@ mod working;
 pub use error::ReoptimizeError;
 pub use shapes::Shapes;
 
+use super::ledger::Report;
 use super::session::no_fault;
 use super::{OptimizeError, WorstFirst};
 use crate::build::DeviceTree;
@@ -194,7 +195,7 @@ impl<'d> Reoptimizer<'d> {
             done.searched += u64::from(report[SEARCHED]);
             done.applied += u64::from(report[APPLIED]);
         }
-        let is_over = |report: &working::Report| report[SEARCHED] + report[WAITING] + report[FRINGE] == 0;
+        let is_over = |report: &Report| report[SEARCHED] + report[WAITING] + report[FRINGE] == 0;
         self.begins = reports.last().is_some_and(is_over);
         if done.visits > 0 {
             let mix = |have: &mut f64, new: f64| *have = 0.5 * (*have + new);

@@ -1,6 +1,7 @@
 //! The buffers that live from frame to frame, and what is recorded over them.
 
 use super::super::areas::Measure;
+use super::super::ledger::Report;
 use super::super::lists::{FIRST_STAGES, Lists, Of, POOL, Trial};
 use super::super::moves::Moves;
 use super::super::{TreeAreas, WorstFirst};
@@ -13,9 +14,6 @@ use prbvh_kernel::node::Node;
 use prbvh_kernel::prbvh::worst::RoundParams;
 use prbvh_kernel::status::REPORT_WORDS;
 use prbvh_kernel::sum::scale_of;
-
-/// A row of the report of a device.
-pub(super) type Report = [u32; REPORT_WORDS as usize];
 
 /// The tree, and everything that a frame needs.
 #[derive(Debug)]
