@@ -39,8 +39,8 @@ impl StoredCache {
         Ok(Self { cache, device: Arc::clone(device), file, is_changed: false })
     }
 
-    /// The cache, to make a pipeline with.
-    pub(super) fn for_new_pipeline(&mut self) -> &PipelineCache {
+    /// The cache, to make pipelines with.
+    pub(super) fn for_new_pipelines(&mut self) -> &PipelineCache {
         self.is_changed = true;
         &self.cache
     }

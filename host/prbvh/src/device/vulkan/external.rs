@@ -57,8 +57,8 @@ impl VulkanDevice {
         let RawVulkan { instance, physical_device, device, queue, queue_family, atomics_64, cache_folder } = raw;
         let instance = Instance::of_caller(instance);
         let physical = PhysicalDevice::of_caller(&instance, physical_device, queue_family);
-        let device = LogicalDevice::of_caller(physical, device, queue, atomics_64)?;
-        Self::over(device, Access::WherePossible, cache_folder.as_deref())
+        let device = LogicalDevice::of_caller(instance.raw(), physical, device, queue, atomics_64)?;
+        Self::over(device, Access::WherePossible, true, cache_folder.as_deref())
     }
 
     /// A buffer of the caller's, from byte `offset` on, as one of `length` elements of `element_bytes` bytes: for uploads, downloads,

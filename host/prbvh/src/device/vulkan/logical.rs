@@ -1,11 +1,13 @@
 //! An opened device and its queue.
 
 use super::error::Call;
+use super::heap::Heap;
 use super::instance::Instance;
 use super::limits::PhysicalDevice;
 use crate::device::DeviceError;
 use ash::{ext, khr, vk};
 use std::ffi::CString;
+use std::mem::ManuallyDrop;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -19,6 +21,8 @@ pub(super) struct LogicalDevice {
     /// Else it is the caller's, who destroys it.
     is_own: bool,
     names: Option<ext::debug_utils::Device>,
+    /// Its blocks end before the device does, or never if work was given up on.
+    heap: ManuallyDrop<Heap>,
 }
 
 impl LogicalDevice {
@@ -55,11 +59,17 @@ impl LogicalDevice {
         let queue = unsafe { raw.get_device_queue(physical.queue_family, 0) };
         let names = instance.is_validated().then(|| ext::debug_utils::Device::new(instance.raw(), &raw));
         let abandoned = AtomicBool::new(false);
-        Ok(Arc::new(Self { raw, queue, physical, atomics_64, abandoned, is_own: true, names }))
+        let heap = Heap::new(instance.raw(), &raw, &physical).inspect_err(|_| {
+            // SAFETY: new, and nothing was made from it.
+            unsafe { raw.destroy_device(None) };
+        });
+        let heap = ManuallyDrop::new(heap?);
+        Ok(Arc::new(Self { raw, queue, physical, atomics_64, abandoned, is_own: true, names, heap }))
     }
 
     /// A device that the caller opened, if it lacks nothing; with 64-bit atomics if the caller says so.
     pub(super) fn of_caller(
+        instance: &ash::Instance,
         physical: PhysicalDevice,
         raw: ash::Device,
         queue: vk::Queue,
@@ -67,7 +77,8 @@ impl LogicalDevice {
     ) -> Result<Arc<Self>, DeviceError> {
         physical.summary.require_usable()?;
         let abandoned = AtomicBool::new(false);
-        Ok(Arc::new(Self { raw, queue, physical, atomics_64, abandoned, is_own: false, names: None }))
+        let heap = ManuallyDrop::new(Heap::new(instance, &raw, &physical)?);
+        Ok(Arc::new(Self { raw, queue, physical, atomics_64, abandoned, is_own: false, names: None, heap }))
     }
 
     /// The functions of the device.
@@ -78,6 +89,11 @@ impl LogicalDevice {
     /// The queue. Only one thread at a time may use it: the `&mut` of the submitter sees to that.
     pub(super) fn queue(&self) -> vk::Queue {
         self.queue
+    }
+
+    /// Where memory comes from.
+    pub(super) fn heap(&self) -> &Heap {
+        &self.heap
     }
 
     /// What the device is.
@@ -118,7 +134,12 @@ impl LogicalDevice {
 
 impl Drop for LogicalDevice {
     fn drop(&mut self) {
-        if self.is_own && !self.is_abandoned() {
+        if self.is_abandoned() {
+            return;
+        }
+        // SAFETY: nobody uses it after this, and every part of its blocks held an `Arc` of the device.
+        unsafe { ManuallyDrop::drop(&mut self.heap) };
+        if self.is_own {
             // SAFETY: every object of the device held an `Arc` of it and is gone, and no work is left on its queue.
             unsafe { self.raw.destroy_device(None) };
         }

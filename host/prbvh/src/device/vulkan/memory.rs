@@ -1,6 +1,7 @@
-//! Buffers with memory of their own.
+//! Buffers and the memory behind them.
 
 use super::error::Call;
+use super::heap::Memory;
 use super::logical::LogicalDevice;
 use super::objects;
 use crate::device::DeviceError;
@@ -70,7 +71,7 @@ pub(super) struct Allocation {
     buffer: Handle,
     // Points into the memory.
     mapping: Option<NonNull<u8>>,
-    _memory: Option<objects::DeviceMemory>,
+    _memory: Option<Memory>,
     bytes: u64,
 }
 
@@ -127,24 +128,14 @@ impl Allocation {
         let types = device.physical().memory.memory_types_as_slice();
         let (index, properties) = choose_type(types, requirements.memory_type_bits, purpose.wishes())
             .ok_or_else(|| no_memory(device, what, bytes))?;
-        let info = vk::MemoryAllocateInfo::default().allocation_size(requirements.size).memory_type_index(index);
-        // SAFETY: size and type are what the buffer demands.
-        let memory = unsafe { objects::DeviceMemory::new(device, &info) }.map_err(out_of_memory)?;
-        // SAFETY: both are new, and the memory is as large as the buffer demands.
-        unsafe { device.raw().bind_buffer_memory(buffer.raw(), memory.raw(), 0) }
+        let requirements = vk::MemoryRequirements { memory_type_bits: 1 << index, ..requirements };
+        let memory = Memory::new(device, what, requirements).ok_or_else(|| no_memory(device, what, bytes))?;
+        let (place, offset) = memory.place();
+        // SAFETY: both are new, and so much of the memory belongs to the buffer as it demands.
+        unsafe { device.raw().bind_buffer_memory(buffer.raw(), place, offset) }
             .call("vkBindBufferMemory")
             .map_err(out_of_memory)?;
-
-        let mapping = if purpose.is_mapped(properties) {
-            // SAFETY: the type is host-visible, and the memory is mapped once.
-            let start =
-                unsafe { device.raw().map_memory(memory.raw(), 0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty()) }
-                    .call("vkMapMemory")
-                    .map_err(out_of_memory)?;
-            NonNull::new(start.cast::<u8>())
-        } else {
-            None
-        };
+        let mapping = if purpose.is_mapped(properties) { memory.mapping() } else { None };
         Ok(Self { buffer: Handle::Own(buffer), mapping, _memory: Some(memory), bytes })
     }
 

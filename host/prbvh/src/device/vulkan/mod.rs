@@ -5,7 +5,7 @@
 //! | `instance`, `messages` | the library, the instances of the process, the reports of the validation layer |
 //! | `limits`, `selection` | what a device is and lacks; which one to open |
 //! | `logical`, `objects` | an opened device, and Vulkan objects that destroy themselves |
-//! | `memory`, `buffers`, `staging` | buffers, and bytes on their way to and from them |
+//! | `heap`, `memory`, `buffers`, `staging` | blocks of memory, buffers in them, and bytes on their way to and from them |
 //! | `shaders`, `pipeline`, `cache` | SPIR-V → pipelines, kept between runs of the program |
 //! | `external`, `features` | the Vulkan of the caller, and what it must be created with |
 //! | `run`, `descriptors`, `timestamps`, `submit`, `fetched` | a recording → one submission, with what goes before it and comes back with it |
@@ -20,6 +20,7 @@ mod error;
 mod external;
 mod features;
 mod fetched;
+mod heap;
 mod instance;
 mod limits;
 mod logical;
@@ -86,6 +87,7 @@ struct Options {
     validate: bool,
     atomics_64: bool,
     access: Access,
+    timestamps: bool,
     cache_folder: Option<PathBuf>,
 }
 
@@ -98,21 +100,26 @@ impl VulkanDevice {
     /// what it lacks, [`DeviceError::Validation`] if the layer is not installed, [`DeviceError::Vulkan`] if a call fails.
     pub fn open(selection: Selection, validate: bool) -> Result<Self, DeviceError> {
         let (access, cache_folder) = (Access::WherePossible, cache::user_folder());
-        Self::open_with(selection, Options { validate, atomics_64: true, access, cache_folder })
+        Self::open_with(selection, Options { validate, atomics_64: true, access, timestamps: true, cache_folder })
     }
 
     fn open_with(selection: Selection, options: Options) -> Result<Self, DeviceError> {
         let instance = Instance::shared(options.validate)?;
         let physical = select(PhysicalDevice::all(instance)?, selection)?;
         let device = LogicalDevice::new(instance, physical, options.atomics_64)?;
-        Self::over(device, options.access, options.cache_folder.as_deref())
+        Self::over(device, options.access, options.timestamps, options.cache_folder.as_deref())
     }
 
-    fn over(device: Arc<LogicalDevice>, access: Access, cache_folder: Option<&Path>) -> Result<Self, DeviceError> {
+    fn over(
+        device: Arc<LogicalDevice>,
+        access: Access,
+        timestamps: bool,
+        cache_folder: Option<&Path>,
+    ) -> Result<Self, DeviceError> {
         let cache = StoredCache::open(&device, cache_folder)?;
         let opened = Self {
             info: device.physical().info(device.atomics_64()),
-            runner: Runner::new(&device, Pipelines::new(&device, cache))?,
+            runner: Runner::new(&device, Pipelines::new(&device, cache), timestamps)?,
             staging: Staging::new(&device)?,
             buffers: Buffers::new(&device, access),
             submitter: Submitter::new(&device)?,

@@ -78,10 +78,6 @@ object!(
     /// A buffer without its memory.
     Buffer: vk::BufferCreateInfo<'_>, create_buffer = "vkCreateBuffer", destroy_buffer
 );
-object!(
-    /// An allocation; its end unmaps it.
-    DeviceMemory: vk::MemoryAllocateInfo<'_>, allocate_memory = "vkAllocateMemory", free_memory
-);
 
 /// A compute pipeline.
 pub(super) struct Pipeline {

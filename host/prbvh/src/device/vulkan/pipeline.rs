@@ -1,14 +1,15 @@
-//! Pipelines of the kernels, each made when it is first used.
+//! Pipelines of the kernels, made when they are first used: those of a recording side by side.
 
 use super::cache::StoredCache;
 use super::logical::LogicalDevice;
-use super::objects::{DescriptorSetLayout, Pipeline, PipelineLayout, ShaderModule};
+use super::messages;
+use super::objects::{DescriptorSetLayout, Pipeline, PipelineCache, PipelineLayout, ShaderModule};
 use super::shaders;
 use crate::device::DeviceError;
 use ash::vk;
 use prbvh_kernel::{Kernel, KernelInfo};
-use std::collections::HashMap;
-use std::collections::hash_map::Entry;
+use rayon::prelude::*;
+use std::collections::{BTreeSet, HashMap};
 use std::ffi::CString;
 use std::sync::Arc;
 
@@ -33,18 +34,34 @@ impl Pipelines {
         Self { device: Arc::clone(device), cache, made: HashMap::new() }
     }
 
+    /// Makes the pipelines of these kernels that there are not yet, on all threads.
+    pub(super) fn make(&mut self, kernels: impl Iterator<Item = Kernel>) -> Result<(), DeviceError> {
+        let missing: BTreeSet<Kernel> = kernels.filter(|kernel| !self.made.contains_key(kernel)).collect();
+        if missing.is_empty() {
+            return Ok(());
+        }
+        // Vulkan lets many threads use a cache that it synchronises itself.
+        let (device, cache) = (&self.device, self.cache.for_new_pipelines());
+        let make = |kernel| {
+            let made = KernelPipeline::new(device, cache, kernel);
+            // The validation layer spoke to the thread that made it.
+            messages::check()?;
+            Ok((kernel, made?))
+        };
+        let made = missing.into_par_iter().map(make).collect::<Result<Vec<_>, DeviceError>>()?;
+        self.made.extend(made);
+        Ok(())
+    }
+
     /// The pipeline of a kernel.
     pub(super) fn get(&mut self, kernel: Kernel) -> Result<Handles, DeviceError> {
-        let pipeline = match self.made.entry(kernel) {
-            Entry::Occupied(made) => made.into_mut(),
-            Entry::Vacant(place) => place.insert(KernelPipeline::new(&self.device, &mut self.cache, kernel)?),
-        };
-        Ok(pipeline.handles())
+        self.make(std::iter::once(kernel))?;
+        Ok(self.made[&kernel].handles())
     }
 
     /// The kernels whose pipelines were made.
     #[cfg(test)]
-    pub(super) fn made(&self) -> std::collections::BTreeSet<Kernel> {
+    pub(super) fn made(&self) -> BTreeSet<Kernel> {
         self.made.keys().copied().collect()
     }
 }
@@ -56,7 +73,7 @@ struct KernelPipeline {
 }
 
 impl KernelPipeline {
-    fn new(device: &Arc<LogicalDevice>, cache: &mut StoredCache, kernel: Kernel) -> Result<Self, DeviceError> {
+    fn new(device: &Arc<LogicalDevice>, cache: &PipelineCache, kernel: Kernel) -> Result<Self, DeviceError> {
         let info = kernel.info();
         let words = shaders::words(kernel);
         if shaders::is_of_wide_words(&words) && !device.atomics_64() {
@@ -78,7 +95,7 @@ impl KernelPipeline {
             .name(&entry_point);
         let create_info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout.raw());
         // SAFETY: the entry point is in the module, whose bindings and push constants are those of the layout.
-        let pipeline = unsafe { Pipeline::new(device, cache.for_new_pipeline(), create_info) }?;
+        let pipeline = unsafe { Pipeline::new(device, cache, create_info) }?;
         tracing::debug!("made the pipeline of {}", info.name);
         Ok(Self { pipeline, layout, set_layout })
     }

@@ -39,8 +39,13 @@ enum Groups {
 
 impl Runner {
     /// Nothing run yet.
-    pub(super) fn new(device: &Arc<LogicalDevice>, pipelines: Pipelines) -> Result<Self, DeviceError> {
-        let (sets, timestamps) = (DescriptorSets::new(device)?, Timestamps::new(device, 64)?);
+    pub(super) fn new(
+        device: &Arc<LogicalDevice>,
+        pipelines: Pipelines,
+        timestamps: bool,
+    ) -> Result<Self, DeviceError> {
+        let timestamps = if timestamps { Timestamps::new(device, 64)? } else { None };
+        let sets = DescriptorSets::new(device)?;
         Ok(Self { pipelines, sets, timestamps, fetched: Fetched::new(device)? })
     }
 
@@ -76,6 +81,10 @@ impl Runner {
         if commands.is_empty() {
             return Ok(Vec::new());
         }
+        self.pipelines.make(commands.iter().filter_map(|(_, command)| match command {
+            Command::Dispatch(dispatch) if dispatch.count > 0 => Some(dispatch.kernel),
+            _ => None,
+        }))?;
         self.fetched.reserve(buffers, commands)?;
         let mut bindings = Vec::new();
         let steps: Vec<_> =

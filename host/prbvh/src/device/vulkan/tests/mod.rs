@@ -20,7 +20,7 @@ use prbvh_kernel::sort::GatherParams;
 const MANY_WORDS: u32 = 5_000_001;
 
 fn options(access: Access) -> Options {
-    Options { validate: true, atomics_64: true, access, cache_folder: None }
+    Options { validate: true, atomics_64: true, access, timestamps: true, cache_folder: None }
 }
 
 fn open(options: Options) -> VulkanDevice {

@@ -70,6 +70,28 @@ fn many_rounds_go_in_one_submission() {
 }
 
 #[test]
+fn memory_is_used_again() {
+    if left_out("memory_is_used_again") {
+        return;
+    }
+    let mut device = open(options(Access::Never));
+    let first = buffer_of(&mut device, "first", &[7u32; 1000]);
+    device.free(first.clone());
+    let again = device.allocate("again", 1000, 4).unwrap();
+    assert_eq!(content::<u32>(&mut device, &again), vec![0; 1000], "the memory, not the content");
+    assert!(device.upload(&first, &[0; 4]).is_err(), "the handle has ended");
+    device.free(again);
+
+    let settings = settings(Order::WorstFirst, HOUR);
+    let (first, _, _) = run(&mut device, &settings);
+    let held = device.device.heap().bytes();
+    let (second, _, traffic) = run(&mut device, &settings);
+    assert_eq!((first, device.device.heap().bytes()), (second, held), "a second run of the same size");
+    assert!(traffic.allocations > 20 && held < 100 << 20, "{traffic:?} in {held} bytes");
+    device.close().unwrap();
+}
+
+#[test]
 fn bytes_and_zeros_wait_for_the_next_work() {
     if left_out("bytes_and_zeros_wait_for_the_next_work") {
         return;
