@@ -1,6 +1,6 @@
 //! The builders of initial trees: against naive ones, on every device, on inputs of every kind, and as starts of the optimiser.
 
-use prbvh::build::{DEFAULT_RADIUS, DeviceTree, MortonBits, TreeletSize, lbvh, ploc, sah_binned, sah_sweep};
+use prbvh::build::{Bins, DEFAULT_RADIUS, DeviceTree, MortonBits, TreeletSize, lbvh, ploc, sah_binned, sah_sweep};
 use prbvh::bvh::{Bvh, file, quality, tree_hash, validate};
 use prbvh::device::Device;
 use prbvh::pipeline::{Initial, Optimized, Settings, optimize};
@@ -442,7 +442,7 @@ fn better_builders_make_better_trees() {
 fn initials() -> [Initial; 6] {
     let ploc = |places| Initial::Ploc { radius: radius(places) };
     let atrbvh = Initial::Atrbvh { treelet: TreeletSize::default() };
-    [Initial::Lbvh, ploc(1), ploc(100), atrbvh, Initial::SahSweep, Initial::SahBinned]
+    [Initial::Lbvh, ploc(1), ploc(100), atrbvh, Initial::SahSweep, Initial::SahBinned { bins: Bins::DEFAULT }]
 }
 
 fn run(scene: &Scene, initial: Initial, device: &mut dyn Device) -> Optimized {

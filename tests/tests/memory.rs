@@ -1,7 +1,7 @@
 //! Most memory of a whole run: scene, device, validation and the tree handed out.
 
 use peak_alloc::PeakAlloc;
-use prbvh::build::{DEFAULT_RADIUS, TreeletSize};
+use prbvh::build::{Bins, DEFAULT_RADIUS, TreeletSize};
 use prbvh::collapse::CollapseSettings;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{Buffer, Device, DeviceError, Layer};
@@ -102,7 +102,7 @@ fn a_whole_run_keeps_to_its_bytes() {
         ("ploc", with(&default, Initial::Ploc { radius: DEFAULT_RADIUS })),
         ("atrbvh", with(&default, Initial::Atrbvh { treelet: TreeletSize::DEFAULT })),
         ("sweep", with(&default, Initial::SahSweep)),
-        ("binned", with(&default, Initial::SahBinned)),
+        ("binned", with(&default, Initial::SahBinned { bins: Bins::DEFAULT })),
         ("adaptive leaves", default.clone().with(|s| s.adaptive = adaptive)),
         ("folded", default.clone().with(|s| s.fold_duplicates = true)),
         (

@@ -1,6 +1,6 @@
 //! Plans: what a run leaves out, by the command, and that no omission changes a tree.
 
-use prbvh::build::{CodeCensus, Codes, DEFAULT_RADIUS, MortonBits, TreeletSize, atrbvh, lbvh, ploc};
+use prbvh::build::{Bins, CodeCensus, Codes, DEFAULT_RADIUS, MortonBits, TreeletSize, atrbvh, lbvh, ploc};
 use prbvh::collapse::CollapseSettings;
 use prbvh::device::Device;
 use prbvh::device::cpu::CpuDevice;
@@ -351,7 +351,7 @@ fn a_run_takes_the_kernels_of_its_plan_and_no_others() {
         Initial::Lbvh,
         Initial::Ploc { radius: DEFAULT_RADIUS },
         Initial::Atrbvh { treelet: TreeletSize::DEFAULT },
-        Initial::SahBinned,
+        Initial::SahBinned { bins: Bins::DEFAULT },
     ];
     let scenes = [("soup", soup(700, 0.1, 6)), ("copies", soup(1, 0.1, 6).repeat(300)), ("one", soup(1, 0.1, 6))];
     // Those that the data decide about.

@@ -1,6 +1,6 @@
 //! A run that somebody asks to end: it ends soon, with the best tree so far.
 
-use prbvh::build::{DEFAULT_RADIUS, TreeletSize};
+use prbvh::build::{Bins, DEFAULT_RADIUS, TreeletSize};
 use prbvh::bvh;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{self, Command, Device, DeviceError, Recording, Timing};
@@ -138,7 +138,7 @@ fn an_end_while_a_tree_is_built_is_an_error_by_name() {
         assert!(device.stop.is_asked() && device.runs_since == 0, "{label}: {} runs", device.runs_since);
         assert_eq!(device.memory().bytes, 0, "{label}");
     }
-    for initial in [Initial::SahSweep, Initial::SahBinned] {
+    for initial in [Initial::SahSweep, Initial::SahBinned { bins: Bins::DEFAULT }] {
         let mut settings = Settings::default().with(|s| s.initial = initial);
         let stop = Stop::default();
         stop.ask();

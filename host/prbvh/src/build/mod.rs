@@ -3,6 +3,7 @@
 #[cfg(feature = "atrbvh")]
 mod atrbvh;
 mod binned;
+mod bins;
 mod codes;
 #[cfg(feature = "files")]
 mod from_file;
@@ -26,7 +27,8 @@ pub use atrbvh::restructure_unchecked;
 #[cfg(feature = "atrbvh")]
 pub use atrbvh::{atrbvh, restructure};
 pub(crate) use binned::binned_until;
-pub use binned::sah_binned;
+pub use binned::{sah_binned, sah_binned_by};
+pub use bins::{Bins, BinsError};
 pub use codes::MortonBits;
 pub use codes::{CodeCensus, Codes, MOST_COMPARED};
 #[cfg(feature = "files")]
@@ -45,7 +47,7 @@ pub use trbvh::restructure_optimally_unchecked;
 pub use trbvh::{restructure_optimally, trbvh};
 #[cfg(feature = "atrbvh")]
 pub use treelets::{Pass, Restructured};
-pub use treelet::{TreeletSize, TreeletSizeError};
+pub use treelet::{DEFAULT_PASSES, TreeletSize, TreeletSizeError};
 pub use unfit::UnfitTree;
 
 use crate::bvh::{Bvh, Decoder, TreeFault};
