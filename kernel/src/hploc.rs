@@ -1,6 +1,6 @@
 //! H-PLOC: clusters merge with their nearest neighbours as the ranges of a radix tree join, in one climb.
 //!
-//! Source: Benthin, Meister, Barczak, Mehalwal, Tsakok & Kensler 2024, *H-PLOC*, §3. The radix tree is that of the Morton codes ([`crate::lbvh`]);
+//! Source: Benthin, Meister, Barczak, Mehalwal, Tsakok & Kensler 2024, *H-PLOC*. The radix tree is that of the Morton codes ([`crate::lbvh`]);
 //! nothing of it is left in the result. Each of its nodes takes over the clusters of both children; where they are more than [`KEPT`], rounds of PLOC
 //! ([`crate::ploc`]) over these few merge them until they are not, and at the root until one is left.
 //!

@@ -7,7 +7,7 @@
 //!          / \              / \             / \   / \        / \   / \
 //!        rl   rr           l   rr         ll  lr rl  rr    rl  lr ll  rr
 //! ```
-//! Source: Kensler 2008, §3 (figure 2); Kopta et al. 2012, §3, who rotate in the refit of each frame. Kind: [`climb`](mod@crate::climb).
+//! Source: Kensler 2008; Kopta et al. 2012, who rotate in the refit of each frame. Kind: [`climb`](mod@crate::climb).
 //!
 //! A rotation below `p` changes the boxes of `l` and `r` and no other, since `p` has the same leaves before and after. So it is judged, and made,
 //! by the invocation that completes `p`, when all below is done and nobody is there any more; links and boxes go through atomics as in every

@@ -17,9 +17,8 @@ pub fn least_internal_area(boxes: &[Aabb]) -> f64 {
     let others = boxes.len() - 1;
     let split = |chosen: u32| {
         let is_left = |k: usize| k == 0 || chosen >> (k - 1) & 1 == 1;
-        let side = |left: bool| -> Vec<Aabb> {
-            (0..boxes.len()).filter(|&k| is_left(k) == left).map(|k| boxes[k]).collect()
-        };
+        let side =
+            |left: bool| -> Vec<Aabb> { (0..boxes.len()).filter(|&k| is_left(k) == left).map(|k| boxes[k]).collect() };
         least_internal_area(&side(true)) + least_internal_area(&side(false))
     };
     half_area(&all) + (0..(1u32 << others) - 1).map(split).fold(f64::INFINITY, f64::min)

@@ -81,10 +81,7 @@ pub enum Initial {
 impl Initial {
     /// Whether it is built from Morton codes.
     pub(crate) fn has_codes(&self) -> bool {
-        matches!(
-            self,
-            Self::Lbvh | Self::Ploc { .. } | Self::Atrbvh { .. } | Self::Trbvh { .. } | Self::Hploc { .. }
-        )
+        matches!(self, Self::Lbvh | Self::Ploc { .. } | Self::Atrbvh { .. } | Self::Trbvh { .. } | Self::Hploc { .. })
     }
 
     /// As on the command line, but no path.

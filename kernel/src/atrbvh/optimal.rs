@@ -1,7 +1,7 @@
 //! One treelet: its leaves are found, and the best of all trees over them takes its place if it is cheaper.
 //!
-//! Source: Karras & Aila 2013, §3.3 and listing 2 (dynamic programming over the subsets of the leaves). Kind: scatter: an invocation reads and
-//! writes nodes of its treelet only (see [`super`]).
+//! Source: Karras & Aila 2013 (dynamic programming over the subsets of the leaves). Kind: scatter: an invocation reads and writes nodes of its
+//! treelet only (see [`super`]).
 //!
 //! A subset is a word with a bit for each leaf, so that every subset comes after its own subsets in the order of the words. The cost of a subset
 //! is the area of its box and the least that two halves of it cost; a leaf costs nothing, since it stays what it is. What differs from the

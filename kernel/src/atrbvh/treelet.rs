@@ -1,6 +1,6 @@
 //! The leaves of a treelet, whatever becomes of them, and its new links.
 //!
-//! Source: Karras & Aila 2013, §3.2 (formation), which ATRBVH takes over.
+//! Source: Karras & Aila 2013 (formation of treelets), which ATRBVH takes over.
 
 use crate::aabb::Aabb;
 use crate::node::{AtomicNode, Links, RIGHT};

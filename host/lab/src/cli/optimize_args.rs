@@ -210,7 +210,8 @@ fn initial(text: OsString) -> Result<Initial, String> {
         _ if Path::new(&text).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("bvh")) => {
             Ok(Initial::File { path: text.into() })
         }
-        _ => Err("neither lbvh, ploc, atrbvh, trbvh, hploc, sah-sweep, sah-binned nor a tree file that ends in .bvh".to_owned()),
+        _ => Err("neither lbvh, ploc, atrbvh, trbvh, hploc, sah-sweep, sah-binned nor a tree file that ends in .bvh"
+            .to_owned()),
     }
 }
 

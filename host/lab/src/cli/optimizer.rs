@@ -138,7 +138,8 @@ mod tests {
             Ok(Optimizer::Rotations(RotationSettings::default().with(|s| change(s))))
         };
         assert_eq!(optimizer("--optimizer rotations"), rotations(&|_| {}));
-        let arguments = "--optimizer rotations --no-cousins --annealing 9 --temperature 0.5 --seed 7 --max-iterations 3";
+        let arguments =
+            "--optimizer rotations --no-cousins --annealing 9 --temperature 0.5 --seed 7 --max-iterations 3";
         let expected = rotations(&|s| {
             (s.cousins, s.annealing_passes, s.temperature, s.seed) = (false, 9, 0.5, 7);
             s.limits = Limits::iterations(3);

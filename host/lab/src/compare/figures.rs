@@ -2,9 +2,9 @@
 
 use super::methods::{Builder, Job, published, worst_first};
 use super::{OptimizerRun, Purpose};
+use prbvh::build::{DEFAULT_HPLOC_RADIUS, DEFAULT_RADIUS};
 #[cfg(feature = "atrbvh")]
 use prbvh::build::{DEFAULT_PASSES, TreeletSize};
-use prbvh::build::{DEFAULT_HPLOC_RADIUS, DEFAULT_RADIUS};
 use prbvh::optimize::{PrbvhSettings, Strategy};
 use prbvh::pipeline::{Initial, Settings};
 

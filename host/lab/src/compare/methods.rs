@@ -4,9 +4,9 @@ use super::MethodError;
 use super::peers;
 use crate::presets::{self, Candidate};
 use prbvh::build;
+use prbvh::build::{DEFAULT_HPLOC_RADIUS, MortonBits};
 #[cfg(feature = "atrbvh")]
 use prbvh::build::{DEFAULT_PASSES, TreeletSize};
-use prbvh::build::{DEFAULT_HPLOC_RADIUS, MortonBits};
 use prbvh::device::DeviceError;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::optimize::{self, IterationRow, Order, RbvhSettings, RotationSettings, StopReason};
@@ -120,7 +120,11 @@ const METHODS: &[Entry] = &[
         is_default: true,
         jobs: |_| vec![rbvh("rbvh", rbvh_as_published), rbvh("rbvh undo", rbvh_with_undo)],
     },
-    Entry { name: "rotations", is_default: true, jobs: |_| vec![rotations("rotations", 0), rotations("rotations annealed", 30)] },
+    Entry {
+        name: "rotations",
+        is_default: true,
+        jobs: |_| vec![rotations("rotations", 0), rotations("rotations annealed", 30)],
+    },
     Entry {
         name: "prbvh",
         is_default: true,

@@ -58,7 +58,6 @@ pub fn restructure_unchecked(
     treelet: TreeletSize,
     observe: &mut dyn FnMut(&Pass, &mut dyn Device),
 ) -> Result<Restructured, DeviceError> {
-    let way =
-        Way { name: "ATRBVH", kernel: Kernel::AtrbvhRestructure, treelet: treelet.get(), most_passes: u32::MAX };
+    let way = Way { name: "ATRBVH", kernel: Kernel::AtrbvhRestructure, treelet: treelet.get(), most_passes: u32::MAX };
     restructure_by(device, tree, way, observe)
 }

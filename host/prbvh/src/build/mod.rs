@@ -45,9 +45,9 @@ pub(crate) use sweep::sweep_until;
 pub use trbvh::restructure_optimally_unchecked;
 #[cfg(feature = "atrbvh")]
 pub use trbvh::{restructure_optimally, trbvh};
+pub use treelet::{DEFAULT_PASSES, TreeletSize, TreeletSizeError};
 #[cfg(feature = "atrbvh")]
 pub use treelets::{Pass, Restructured};
-pub use treelet::{DEFAULT_PASSES, TreeletSize, TreeletSizeError};
 pub use unfit::UnfitTree;
 
 use crate::bvh::{Bvh, Decoder, TreeFault};

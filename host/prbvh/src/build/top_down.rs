@@ -47,14 +47,19 @@ pub(super) fn top_down(part: impl Part, triangles: &[Triangle], stop: Option<&St
 
 /// Computes the boxes of a subtree whose internal nodes are numbered from `first` on, parents first, and its leaves from `first_leaf` on. Returns
 /// that of its root.
-pub(super) fn fill_boxes((internal, first): (&mut [Node], u32), (leaves, first_leaf): (&mut [Node], u32), all: &[Triangle]) -> Aabb {
+pub(super) fn fill_boxes(
+    (internal, first): (&mut [Node], u32),
+    (leaves, first_leaf): (&mut [Node], u32),
+    all: &[Triangle],
+) -> Aabb {
     for leaf in &mut *leaves {
         let aabb = all[leaf.down as usize].aabb();
         (leaf.min, leaf.max) = (aabb.min, aabb.max);
     }
     let mut aabb = leaves[0].aabb();
     for k in (0..internal.len()).rev() {
-        let node = |v: u32| if v < first_leaf { internal[(v - first) as usize] } else { leaves[(v - first_leaf) as usize] };
+        let node =
+            |v: u32| if v < first_leaf { internal[(v - first) as usize] } else { leaves[(v - first_leaf) as usize] };
         let left = node(internal[k].down);
         let right = node(left.up);
         aabb = left.aabb().union(right.aabb());

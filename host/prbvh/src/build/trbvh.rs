@@ -59,11 +59,7 @@ pub fn restructure_optimally_unchecked(
     passes: NonZeroU32,
     observe: &mut dyn FnMut(&Pass, &mut dyn Device),
 ) -> Result<Restructured, DeviceError> {
-    let way = Way {
-        name: "TRBVH",
-        kernel: Kernel::TrbvhRestructure,
-        treelet: OPTIMAL_TREELET,
-        most_passes: passes.get(),
-    };
+    let way =
+        Way { name: "TRBVH", kernel: Kernel::TrbvhRestructure, treelet: OPTIMAL_TREELET, most_passes: passes.get() };
     restructure_by(device, tree, way, observe)
 }

@@ -165,11 +165,7 @@ struct Run<'a> {
 const FEWEST: u32 = 3;
 
 impl<'a> Run<'a> {
-    fn new(
-        device: &mut dyn Device,
-        tree: &'a DeviceTree,
-        settings: &'a RotationSettings,
-    ) -> Result<Self, DeviceError> {
+    fn new(device: &mut dyn Device, tree: &'a DeviceTree, settings: &'a RotationSettings) -> Result<Self, DeviceError> {
         let start = Instant::now();
         let mut scratch = Scratch::default();
         let pass = Pass::new(device, &mut scratch, tree, settings.annealing_passes > 0)?;
@@ -244,12 +240,12 @@ impl<'a> Run<'a> {
             let row = self.rows[pass as usize];
             // The last pass of annealing is no measure.
             let climbed = pass > settings.annealing_passes;
-            // Written so that a cost that is no number settles.
-            let is_settled = climbed && (row.applied == 0 || !(row.cost < before * (1.0 - settings.epsilon)));
+            // Not if the cost is no number.
+            let falls = row.applied > 0 && row.cost < before * (1.0 - settings.epsilon);
             if settings.limits.is_target(self.best_cost) {
                 return Ok(StopReason::Target);
             }
-            if is_settled || self.tree.references < FEWEST {
+            if (climbed && !falls) || self.tree.references < FEWEST {
                 break;
             }
             if let Some(stop) = settings.limits.used_up(pass, self.start.elapsed()) {
@@ -310,7 +306,8 @@ impl<'a> Run<'a> {
 
     /// Brings the best tree back, if it is another, and gives the memory back.
     fn finish(mut self, device: &mut dyn Device, stop: StopReason) -> Result<Outcome, DeviceError> {
-        if self.settings.annealing_passes > 0 && !(self.cost() <= self.best_cost) {
+        let is_best = self.cost() <= self.best_cost;
+        if self.settings.annealing_passes > 0 && !is_best {
             let mut recording = Recording::new();
             let params = RestoreParams { count: self.tree.references - 1, epoch: self.epoch };
             let buffers = [&self.pass.kept, &self.tree.nodes];

@@ -10,6 +10,8 @@ fn a_method_that_is_left_out_says_so() {
     let initial = Initial::Atrbvh { treelet: TreeletSize::default() };
     assert_eq!(initial.to_string(), "atrbvh");
     assert_eq!(initial.check().is_ok(), cfg!(feature = "atrbvh"));
+    let trbvh = Initial::Trbvh { passes: crate::build::DEFAULT_PASSES };
+    assert_eq!((trbvh.to_string(), trbvh.check().is_ok()), ("trbvh".to_owned(), cfg!(feature = "atrbvh")));
     let error = FeatureOff { method: "atrbvh", feature: "atrbvh" }.to_string();
     assert!(error.contains("without the cargo feature `atrbvh`"), "{error}");
 }
@@ -19,6 +21,7 @@ fn what_is_usual_is_good() {
     PrbvhSettings::default().check().unwrap();
     PrbvhSettings::published().check().unwrap();
     RbvhSettings::default().check().unwrap();
+    RotationSettings::default().check().unwrap();
     CollapseSettings::default().check().unwrap();
     Limits::iterations(0).check().unwrap();
 }
@@ -32,6 +35,11 @@ fn each_bad_value_is_told_with_its_field() {
     };
     let rbvh = |change: &dyn Fn(&mut RbvhSettings)| {
         let mut settings = RbvhSettings::default();
+        change(&mut settings);
+        settings.check()
+    };
+    let rotations = |change: &dyn Fn(&mut RotationSettings)| {
+        let mut settings = RotationSettings::default();
         change(&mut settings);
         settings.check()
     };
@@ -61,6 +69,8 @@ fn each_bad_value_is_told_with_its_field() {
         ("epsilon", "-1", rbvh(&|s| s.epsilon = -1.0)),
         ("patience", "0", rbvh(&|s| s.patience = 0)),
         ("target_cost", "NaN", rbvh(&|s| s.limits.target_cost = Some(f64::NAN))),
+        ("temperature", "-1", rotations(&|s| s.temperature = -1.0)),
+        ("epsilon", "NaN", rotations(&|s| s.epsilon = f64::NAN)),
         ("c_traversal", "-1", leaves(-1.0, None)),
         ("c_traversal", "NaN", leaves(f64::NAN, None)),
         ("max_leaf", "0", leaves(1.0, Some(0))),

@@ -1,9 +1,9 @@
 //! Settings as JSON.
 
 use super::{Initial, Optimizer, Settings};
-use crate::build::TreeletSize;
+use crate::build::{Bins, TreeletSize};
 use crate::collapse::CollapseSettings;
-use crate::optimize::{Epsilon, Limits, PrbvhSettings, RbvhSettings};
+use crate::optimize::{Epsilon, Limits, PrbvhSettings, RbvhSettings, RotationSettings};
 use serde_json::{Value, json};
 use std::num::NonZeroU32;
 use std::time::Duration;
@@ -48,6 +48,20 @@ fn what_is_chosen_brings_its_keys() {
     assert_eq!((&ploc["initial"], &ploc["radius"]), (&json!("ploc"), &json!(7)));
     let atrbvh = with_initial(Initial::Atrbvh { treelet: TreeletSize::new(5).unwrap() });
     assert_eq!((&atrbvh["initial"], &atrbvh["treelet"]), (&json!("atrbvh"), &json!(5)));
+    let trbvh = with_initial(Initial::Trbvh { passes: NonZeroU32::new(5).unwrap() });
+    assert_eq!((&trbvh["initial"], &trbvh["passes"]), (&json!("trbvh"), &json!(5)));
+    let hploc = with_initial(Initial::Hploc { radius: NonZeroU32::new(7).unwrap() });
+    assert_eq!((&hploc["initial"], &hploc["radius"]), (&json!("hploc"), &json!(7)));
+    let binned = with_initial(Initial::SahBinned { bins: Bins::MIN });
+    assert_eq!((&binned["initial"], &binned["bins"]), (&json!("sah-binned"), &json!(8)));
+    let rotations = written(&Settings::default().with(|settings| {
+        settings.optimizer = Optimizer::Rotations(RotationSettings::default().with(|s| s.annealing_passes = 3));
+    }));
+    assert_eq!(
+        (&rotations["optimizer"], &rotations["rotations"]["annealing_passes"]),
+        (&json!("rotations"), &json!(3))
+    );
+    assert!(rotations["rotations"]["max_iterations"] == 1000 && rotations.get("rbvh").is_none());
     let file = with_initial(Initial::File { path: "a/tree.bvh".into() });
     assert_eq!((&file["initial"], &file["path"]), (&json!("file"), &json!("a/tree.bvh")));
     let limits = Limits::iterations(3).with(|limits| limits.max_time = Some(Duration::from_millis(1500)));
