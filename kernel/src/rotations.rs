@@ -213,7 +213,7 @@ impl Family {
     #[inline(always)]
     fn random(self, params: &RotateParams, boxes: &Boxes) -> Choice {
         let word = hash(self.p.wrapping_add(params.key));
-        let kind = (word >> 16) * KINDS >> 16;
+        let kind = ((word >> 16) * KINDS) >> 16;
         let none = Choice { kind: NONE, decrease: 0.0 };
         if !self.has(kind, params.flags) {
             return none;

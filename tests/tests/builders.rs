@@ -407,6 +407,17 @@ fn sweep_and_bins_are_the_naive_ones() {
 }
 
 #[test]
+fn bins_of_large_parts_are_the_naive_ones() {
+    // Enough that threads share bounds, bins and the division into two.
+    let triangles = working(&soup(9000, 0.02, 5));
+    let boxes = boxes_of(&triangles);
+    let all: Vec<u32> = (0..boxes.len() as u32).collect();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+    let built = pool.install(|| sah_binned_by(&triangles, Bins::MIN));
+    assert!(shape(&NaiveTree::decode(&built), 0) == grow(&all, &|ids| naive_bins(&boxes, ids, 8)));
+}
+
+#[test]
 fn sweep_and_bins_do_not_depend_on_the_threads() {
     let mut scenes = inputs();
     scenes.push(("large", built_in(60_000).triangles));

