@@ -12,7 +12,8 @@ use crate::cost::{self, CostParams};
 use crate::entry::kernels;
 #[cfg(target_arch = "spirv")]
 use crate::grid;
-use crate::kept::{self, Kept, RestoreParams};
+use crate::hploc::{self, HplocParams};
+use crate::kept::{self, AtomicKept, Kept, RestoreParams};
 use crate::lbvh::{self, HierarchyParams, LeavesParams};
 use crate::mem::{AtomicU32, AtomicU64, Slot};
 use crate::morton::{self, MortonParams};
@@ -28,6 +29,7 @@ use crate::prbvh::worst::{self, RoundParams};
 use crate::prbvh::{Move, PrbvhParams, paths, reinsert::reinsert};
 use crate::ray::{Hit, Ray};
 use crate::refit::{RefitParams, refit};
+use crate::rotations::{self, RotateParams};
 use crate::setup::{self, BoundsParams, BoxesParams, Triangle};
 use crate::sort::{self, GatherParams, SortParams};
 use crate::trace::counts::{self, CountParams, RayCounts};
@@ -162,6 +164,22 @@ kernels! {
         1 nodes: &[AtomicNode],
         2 report: &[AtomicU32],
     ] => |i| atrbvh::restructure(i, params, order, nodes, report);
+
+    #[cfg(feature = "atrbvh")]
+    TrbvhRestructure trbvh_restructure(params: RestructureParams) [
+        0 order: &[u32],
+        1 nodes: &[AtomicNode],
+        2 report: &[AtomicU32],
+    ] => |i| atrbvh::restructure_optimally(i, params, order, nodes, report);
+
+    HplocStage hploc_stage(params: HplocParams) [
+        0 radix: &[Node], 1 nodes: &[AtomicNode], 2 clusters: &[AtomicU32], 3 spare: &[AtomicU32],
+        4 sizes: &[AtomicU32], 5 arrivals: &[AtomicU32], 6 places: &[Slot<u32>], 7 waiting: &[AtomicU32],
+    ] => |i| hploc::stage(i, params, radix, nodes, clusters, spare, sizes, arrivals, places, waiting);
+
+    Rotations rotations_climb(params: RotateParams) [
+        0 nodes: &[AtomicNode], 1 arrivals: &[AtomicU32], 2 kept: &[AtomicKept], 3 report: &[AtomicU32],
+    ] => |i| rotations::rotate(i, params, nodes, arrivals, kept, report);
 
     Refit refit_climb(params: RefitParams) [
         0 nodes: &[AtomicNode],

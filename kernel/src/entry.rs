@@ -74,7 +74,7 @@ macro_rules! kernels {
                     Self::DualSearch => 8,
                     Self::PrbvhSearch | Self::PlocNearest => 16,
                     #[cfg(feature = "atrbvh")]
-                    Self::AtrbvhRestructure => 1,
+                    Self::AtrbvhRestructure | Self::TrbvhRestructure => 1,
                     // Chunks.
                     Self::WorstCount | Self::WorstSelect | Self::SortScatterAlone => 16,
                     // Workgroups.
@@ -82,7 +82,7 @@ macro_rules! kernels {
                     Self::Cost | Self::SortCount | Self::SortScatter | Self::PlocMark | Self::PlocMerge => 4,
                     Self::SortRows => 64,
                     // Walks and climbs.
-                    Self::Refit | Self::PrbvhRefit | Self::PrbvhMark | Self::WorstRefit | Self::WorstMark | Self::WorstUnfold => 32,
+                    Self::HplocStage | Self::Rotations | Self::Refit | Self::PrbvhRefit | Self::PrbvhMark | Self::WorstRefit | Self::WorstMark | Self::WorstUnfold => 32,
                     Self::Trace32 | Self::Trace64 | Self::Trace128 | Self::TraceDeep => 16,
                     _ => 256,
                 }

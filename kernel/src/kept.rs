@@ -2,7 +2,7 @@
 //!
 //! Kind: scatter ([`keep`], by the owner of the node), map with one writer per word ([`restore`]).
 
-use crate::mem::Slot;
+use crate::mem::{AtomicU32, Slot, atomic_words};
 use crate::node::{AtomicNode, Links, RIGHT};
 use bytemuck::{Pod, Zeroable};
 
@@ -16,6 +16,28 @@ pub struct Kept {
     pub left: u32,
     /// Its right child.
     pub right: u32,
+}
+
+/// A [`Kept`] whose words the invocations of a climb hand on.
+#[repr(C)]
+pub struct AtomicKept {
+    epoch: AtomicU32,
+    left: AtomicU32,
+    right: AtomicU32,
+}
+
+atomic_words!(AtomicKept { epoch, left, right } of Kept);
+
+impl AtomicKept {
+    /// Notes the children that the node has now, unless those of the best tree `epoch` are noted already.
+    #[inline(always)]
+    pub fn keep(&self, left: u32, right: u32, epoch: u32) {
+        if self.epoch.load() != epoch {
+            self.epoch.store(epoch);
+            self.left.store(left);
+            self.right.store(right);
+        }
+    }
 }
 
 /// Push constants of [`restore`].

@@ -11,11 +11,13 @@
 //! | [`sort`] | `sort_count`, `sort_rows`, `sort_scatter` or `sort_scatter_alone`, `sort_gather` | codes → order of the references |
 //! | [`lbvh`] | `lbvh_leaves`, `lbvh_hierarchy` | sorted codes → links of the tree |
 //! | [`ploc`] | `ploc_clusters`, `ploc_nearest`, `ploc_mark`, `ploc_merge` | order of the references → tree |
-//! | `atrbvh` | `atrbvh_levels`, `sort_*`, `atrbvh_restructure` | tree → tree with better treelets |
+//! | [`hploc`] | `lbvh_hierarchy`, `hploc_stage` | order of the references, links of a tree → tree |
+//! | `atrbvh` | `atrbvh_levels`, `sort_*`, `atrbvh_restructure` or `trbvh_restructure` | tree → tree with better treelets |
 //! | [`refit`] | `refit` | leaf boxes → all boxes |
 //! | [`cost`] | `cost` | boxes → partial sums of half surface areas |
 //! | [`prbvh`] | `prbvh_search`, `prbvh_lock`, `prbvh_check`, `prbvh_reinsert`, `prbvh_mark`, `prbvh_refit` | tree → better tree, as published |
 //! | [`prbvh::worst`] | `worst_*`, `dual_search`, `prbvh_lock`, `prbvh_check`, `prbvh_reinsert` | tree → better tree, the worst nodes first, by moves of two subtrees |
+//! | [`rotations`] | `rotations_climb`, `cost` | tree → tree with better subtrees of three levels |
 //! | [`kept`] | `kept_restore` | tree → the best tree before it |
 //! | [`mod@collapse`] | `collapse_sizes`, `collapse_places`, `collapse_jump`, `collapse_emit` | tree → tree with adaptive leaves |
 //! | [`trace`] | `trace_32`, `trace_64`, `trace_128`, `trace_deep`, `trace_count` | tree, rays → hits |
@@ -36,6 +38,7 @@ pub mod cost;
 pub mod entries;
 mod entry;
 pub mod grid;
+pub mod hploc;
 pub mod kept;
 pub mod lbvh;
 pub mod math;
@@ -46,6 +49,7 @@ pub mod ploc;
 pub mod prbvh;
 pub mod ray;
 pub mod refit;
+pub mod rotations;
 pub mod setup;
 pub mod sort;
 pub mod status;

@@ -1,6 +1,7 @@
 //! What the host and the CPU device need to know of a kernel, and how native entries get their views of memory.
 
 use crate::grid::WORKGROUP_SIZE;
+use crate::kept::{AtomicKept, Kept};
 use crate::mem::{self, AtomicU32, AtomicU64, SharedU32, Slot};
 use crate::node::{AtomicNode, Node};
 use crate::workgroup::Workgroup;
@@ -179,3 +180,4 @@ writable_view!(Slot<T>, T, Slot::from_mut_slice, T);
 writable_view!(AtomicU32, u32, AtomicU32::from_mut_slice);
 writable_view!(AtomicU64, u64, AtomicU64::from_mut_slice);
 writable_view!(AtomicNode, Node, mem::AtomicWords::from_mut_slice);
+writable_view!(AtomicKept, Kept, mem::AtomicWords::from_mut_slice);

@@ -1,6 +1,7 @@
 //! Fixtures, oracles and comparers shared by the tests.
 
 pub mod bench;
+pub mod best_tree;
 pub mod browser;
 pub mod command;
 pub mod compare;

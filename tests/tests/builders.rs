@@ -1,6 +1,9 @@
 //! The builders of initial trees: against naive ones, on every device, on inputs of every kind, and as starts of the optimiser.
 
-use prbvh::build::{DEFAULT_RADIUS, DeviceTree, MortonBits, TreeletSize, lbvh, ploc, sah_binned, sah_sweep};
+use prbvh::build::{
+    Bins, DEFAULT_HPLOC_RADIUS, DEFAULT_PASSES, DEFAULT_RADIUS, DeviceTree, MortonBits, TreeletSize, lbvh, ploc,
+    sah_binned, sah_binned_by, sah_sweep,
+};
 use prbvh::bvh::{Bvh, file, quality, tree_hash, validate};
 use prbvh::device::Device;
 use prbvh::pipeline::{Initial, Optimized, Settings, optimize};
@@ -370,12 +373,14 @@ fn naive_sweep(boxes: &[Aabb], ids: &[u32]) -> [Vec<u32>; 2] {
     cheapest(boxes, splits).unwrap()
 }
 
-fn naive_bins(boxes: &[Aabb], ids: &[u32]) -> [Vec<u32>; 2] {
+fn naive_bins(boxes: &[Aabb], ids: &[u32], bins: u32) -> [Vec<u32>; 2] {
     let splits = (0..3).flat_map(|axis| {
         let centres = || ids.iter().map(|&id| centre(boxes, id, axis));
         let (low, high) = (centres().fold(f32::INFINITY, f32::min), centres().fold(f32::NEG_INFINITY, f32::max));
-        let bin = move |id: u32| (((centre(boxes, id, axis) - low) * (32.0 / (high - low))) as usize).min(31);
-        let count = if high > low { 31 } else { 0 };
+        let bin = move |id: u32| {
+            (((centre(boxes, id, axis) - low) * (bins as f32 / (high - low))) as usize).min(bins as usize - 1)
+        };
+        let count = if high > low { bins as usize - 1 } else { 0 };
         (1..=count).map(move |k| {
             let (left, right) = ids.iter().copied().partition(|&id| bin(id) < k);
             [left, right]
@@ -394,9 +399,22 @@ fn sweep_and_bins_are_the_naive_ones() {
         let all: Vec<u32> = (0..boxes.len() as u32).collect();
         let built = shape(&NaiveTree::decode(&sah_sweep(&triangles)), 0);
         assert!(built == grow(&all, &|ids| naive_sweep(&boxes, ids)), "sweep, {name}");
-        let built = shape(&NaiveTree::decode(&sah_binned(&triangles)), 0);
-        assert!(built == grow(&all, &|ids| naive_bins(&boxes, ids)), "binned, {name}");
+        for bins in [8, 13, 32] {
+            let built = shape(&NaiveTree::decode(&sah_binned_by(&triangles, Bins::new(bins).unwrap())), 0);
+            assert!(built == grow(&all, &|ids| naive_bins(&boxes, ids, bins)), "{bins} bins, {name}");
+        }
     }
+}
+
+#[test]
+fn bins_of_large_parts_are_the_naive_ones() {
+    // Enough that threads share bounds, bins and the division into two.
+    let triangles = working(&soup(9000, 0.02, 5));
+    let boxes = boxes_of(&triangles);
+    let all: Vec<u32> = (0..boxes.len() as u32).collect();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+    let built = pool.install(|| sah_binned_by(&triangles, Bins::MIN));
+    assert!(shape(&NaiveTree::decode(&built), 0) == grow(&all, &|ids| naive_bins(&boxes, ids, 8)));
 }
 
 #[test]
@@ -439,10 +457,14 @@ fn better_builders_make_better_trees() {
     assert!(sweep <= 1.1 * binned && binned < lbvh && ploc < 0.8 * lbvh, "{sweep} {binned} {ploc} {lbvh}");
 }
 
-fn initials() -> [Initial; 6] {
+fn initials() -> [Initial; 9] {
     let ploc = |places| Initial::Ploc { radius: radius(places) };
     let atrbvh = Initial::Atrbvh { treelet: TreeletSize::default() };
-    [Initial::Lbvh, ploc(1), ploc(100), atrbvh, Initial::SahSweep, Initial::SahBinned]
+    let trbvh = Initial::Trbvh { passes: DEFAULT_PASSES };
+    let hploc = Initial::Hploc { radius: DEFAULT_HPLOC_RADIUS };
+    let binned = |bins| Initial::SahBinned { bins };
+    let (few, many) = (binned(Bins::MIN), binned(Bins::DEFAULT));
+    [Initial::Lbvh, ploc(1), ploc(100), atrbvh, trbvh, hploc, Initial::SahSweep, few, many]
 }
 
 fn run(scene: &Scene, initial: Initial, device: &mut dyn Device) -> Optimized {

@@ -129,6 +129,28 @@ fn atrbvh_is_an_initial_tree_with_a_treelet_of_its_own() {
 }
 
 #[test]
+fn trbvh_hploc_and_rotations_have_settings_of_their_own() {
+    let folder = tempdir().unwrap();
+    let report =
+        |arguments: &[&str]| optimize(folder.path(), &[arguments, &["--device", "cpu", "--json"]].concat()).ok().json();
+    let optimal = report(&["--initial", "trbvh", "--passes", "1", "--max-iterations", "0"]);
+    assert_eq!((&optimal["settings"]["initial"], &optimal["settings"]["passes"]), (&"trbvh".into(), &1.into()));
+    let more = report(&["--initial", "trbvh", "--max-iterations", "0"]);
+    assert_eq!(more["settings"]["passes"], 3);
+    let cost = |report: &Value, key: &str| report[key].as_f64().unwrap();
+    assert!(cost(&more, "initial_cost") < cost(&optimal, "initial_cost"));
+    let hploc = report(&["--initial", "hploc", "--radius", "3", "--max-iterations", "0"]);
+    assert_eq!((&hploc["settings"]["initial"], &hploc["settings"]["radius"]), (&"hploc".into(), &3.into()));
+    let binned = report(&["--initial", "sah-binned", "--bins", "8", "--max-iterations", "0"]);
+    assert_eq!((&binned["settings"]["initial"], &binned["settings"]["bins"]), (&"sah-binned".into(), &8.into()));
+    let rotated = report(&["--optimizer", "rotations", "--annealing", "3"]);
+    let settings = &rotated["settings"];
+    assert_eq!((&settings["optimizer"], &settings["rotations"]["annealing_passes"]), (&"rotations".into(), &3.into()));
+    assert!(settings["rbvh"].is_null() && cost(&rotated, "final_cost") < 0.9 * cost(&rotated, "initial_cost"));
+    optimize(folder.path(), &["--initial", "lbvh", "--passes", "3"]).refused(&["--passes", "trbvh"]);
+}
+
+#[test]
 fn the_outputs_say_the_same() {
     let folder = tempdir().unwrap();
     let ran = optimize(folder.path(), &["--device", "cpu", "--out", "a/b", "--json"]).ok();

@@ -50,7 +50,8 @@ fn assert_makes_sense(row: &Value, triangles: f64) {
         assert!(number(&row["mrays"], kind) > 0.0, "{kind}: {row}");
     }
     assert!(number(row, "box_tests") > 2.0 && number(row, "triangle_tests") > 0.1, "{row}");
-    let is_optimizer = ["prbvh", "rbvh"].iter().any(|name| row["method"].as_str().unwrap().starts_with(name));
+    let is_optimizer =
+        ["prbvh", "rbvh", "rotations"].iter().any(|name| row["method"].as_str().unwrap().starts_with(name));
     assert_eq!(row["iterations"].as_u64().is_some_and(|iterations| iterations > 3), is_optimizer, "{row}");
 }
 
@@ -63,9 +64,19 @@ fn every_method_has_its_row_and_devices_agree() {
     let rows = rows(&json);
     let count = json["devices"].as_array().unwrap().len();
     let names = |name: &str| rows.iter().filter(|row| row["method"].as_str().unwrap().starts_with(name)).count();
-    for name in
-        ["lbvh", "ploc r=100", "sah-sweep", "sah-binned", "obvhs default", "obvhs best", "bvh", "prbvh worst first"]
-    {
+    for name in [
+        "lbvh",
+        "trbvh",
+        "hploc r=8",
+        "ploc r=100",
+        "rotations annealed",
+        "sah-sweep",
+        "sah-binned",
+        "obvhs default",
+        "obvhs best",
+        "bvh",
+        "prbvh worst first",
+    ] {
         assert_eq!(names(name), count, "{name}");
     }
     assert_eq!(rows.iter().filter(|row| row["method"] == "prbvh").count(), 3 * count);

@@ -1,11 +1,11 @@
 //! Most memory of a whole run: scene, device, validation and the tree handed out.
 
 use peak_alloc::PeakAlloc;
-use prbvh::build::{DEFAULT_RADIUS, TreeletSize};
+use prbvh::build::{Bins, DEFAULT_HPLOC_RADIUS, DEFAULT_PASSES, DEFAULT_RADIUS, TreeletSize};
 use prbvh::collapse::CollapseSettings;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{Buffer, Device, DeviceError, Layer};
-use prbvh::optimize::{CurrentTree, IterationRow, Limits, PrbvhSettings, RbvhSettings, Strategy};
+use prbvh::optimize::{CurrentTree, IterationRow, Limits, PrbvhSettings, RbvhSettings, RotationSettings, Strategy};
 use prbvh::pipeline::{Initial, Optimizer, Settings, optimize_watched};
 use prbvh::plan::Plan;
 use prbvh::scene::built_in;
@@ -95,14 +95,17 @@ fn a_whole_run_keeps_to_its_bytes() {
     let default = of_prbvh(PrbvhSettings::default());
     let adaptive = Some(CollapseSettings::default());
     let rbvh = RbvhSettings::default().with(|s| s.limits = Limits::iterations(1));
+    let rotations = RotationSettings::default().with(|s| s.annealing_passes = 1);
     let runs = [
         ("by default", default.clone()),
         ("published", of_prbvh(published.clone())),
         ("conservative", of_prbvh(published.with(|s| s.strategy = Strategy::Conservative))),
         ("ploc", with(&default, Initial::Ploc { radius: DEFAULT_RADIUS })),
         ("atrbvh", with(&default, Initial::Atrbvh { treelet: TreeletSize::DEFAULT })),
+        ("trbvh", with(&default, Initial::Trbvh { passes: DEFAULT_PASSES })),
+        ("hploc", with(&default, Initial::Hploc { radius: DEFAULT_HPLOC_RADIUS })),
         ("sweep", with(&default, Initial::SahSweep)),
-        ("binned", with(&default, Initial::SahBinned)),
+        ("binned", with(&default, Initial::SahBinned { bins: Bins::DEFAULT })),
         ("adaptive leaves", default.clone().with(|s| s.adaptive = adaptive)),
         ("folded", default.clone().with(|s| s.fold_duplicates = true)),
         (
@@ -114,6 +117,7 @@ fn a_whole_run_keeps_to_its_bytes() {
         ),
         ("no optimiser", default.clone().with(|s| s.optimizer = Optimizer::None)),
         ("rbvh", default.clone().with(|s| s.optimizer = Optimizer::Rbvh(rbvh))),
+        ("rotations", default.clone().with(|s| s.optimizer = Optimizer::Rotations(rotations))),
     ];
     let measured = runs.map(|(name, settings)| (name, peak(&settings, &mut |_, _| ControlFlow::Continue(()))));
     eprintln!("bytes a triangle: {measured:?}");

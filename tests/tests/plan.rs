@@ -1,10 +1,13 @@
 //! Plans: what a run leaves out, by the command, and that no omission changes a tree.
 
-use prbvh::build::{CodeCensus, Codes, DEFAULT_RADIUS, MortonBits, TreeletSize, atrbvh, lbvh, ploc};
+use prbvh::build::{
+    Bins, CodeCensus, Codes, DEFAULT_HPLOC_RADIUS, DEFAULT_PASSES, DEFAULT_RADIUS, MortonBits, TreeletSize, atrbvh,
+    hploc, lbvh, ploc,
+};
 use prbvh::collapse::CollapseSettings;
 use prbvh::device::Device;
 use prbvh::device::cpu::CpuDevice;
-use prbvh::optimize::{Limits, PrbvhSettings, Strategy, WorstFirst};
+use prbvh::optimize::{Limits, PrbvhSettings, RotationSettings, Strategy, WorstFirst};
 use prbvh::pipeline::{Initial, Optimizer, PipelineError, Settings, optimize, optimize_by};
 use prbvh::plan::{DeviceCode, Omission, Plan, PlanMismatch, Status};
 use prbvh::scene::Scene;
@@ -41,12 +44,13 @@ fn census(triangles: &[Triangle]) -> CodeCensus {
     CodeCensus::of(triangles, scene.census.min, scene.census.max)
 }
 
-/// The nodes of the LBVH and, for a PLOC and an ATRBVH, of these.
+/// The nodes of the LBVH and, for a PLOC, an ATRBVH and an H-PLOC, of these.
 fn built(device: &mut dyn Device, triangles: &[Triangle], codes: Codes) -> Vec<Vec<Node>> {
     let trees = [
         lbvh(device, triangles, codes).unwrap().0,
         ploc(device, triangles, codes, DEFAULT_RADIUS).unwrap().0,
         atrbvh(device, triangles, codes, TreeletSize::DEFAULT).unwrap().0,
+        hploc(device, triangles, codes, DEFAULT_HPLOC_RADIUS).unwrap().0,
     ];
     trees
         .map(|tree| {
@@ -176,6 +180,8 @@ fn a_run_takes_the_memory_that_its_plan_says() {
         Initial::Lbvh,
         Initial::Ploc { radius: DEFAULT_RADIUS },
         Initial::Atrbvh { treelet: TreeletSize::DEFAULT },
+        Initial::Trbvh { passes: DEFAULT_PASSES },
+        Initial::Hploc { radius: DEFAULT_HPLOC_RADIUS },
         Initial::SahSweep,
     ];
     for (n, initial) in [1, 2, 3, 700, 20_000].into_iter().flat_map(|n| initials.clone().map(|initial| (n, initial))) {
@@ -197,6 +203,27 @@ fn a_run_takes_the_memory_that_its_plan_says() {
                 assert!((taken..=taken + unknown).contains(&said), "{n} {initial} {order:?}: {said}, not {taken}");
             }
         }
+    }
+}
+
+#[test]
+fn rotations_take_the_memory_that_their_plan_says() {
+    for (n, annealing) in [1, 2, 3, 700, 20_000].into_iter().flat_map(|n| [(n, 0), (n, 2)]) {
+        let scene = Scene::from_triangles("soup", soup(n, 0.1, 6)).unwrap();
+        // On the host, so that no builder takes more.
+        let initial = Initial::SahSweep;
+        let rotations = RotationSettings::default().with(|s| {
+            s.annealing_passes = annealing;
+            s.limits = Limits::iterations(3);
+        });
+        let settings = Settings::default().with(|s| {
+            s.initial = initial;
+            s.optimizer = Optimizer::Rotations(rotations);
+        });
+        let mut device = CpuDevice::new(2).unwrap();
+        let result = optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+        let said = result.plan.phases.iter().filter(|phase| phase.runs).map(|phase| phase.peak_bytes).max();
+        assert_eq!(said, Some(device.memory().peak_bytes), "{n}, {annealing}");
     }
 }
 
@@ -351,7 +378,9 @@ fn a_run_takes_the_kernels_of_its_plan_and_no_others() {
         Initial::Lbvh,
         Initial::Ploc { radius: DEFAULT_RADIUS },
         Initial::Atrbvh { treelet: TreeletSize::DEFAULT },
-        Initial::SahBinned,
+        Initial::Trbvh { passes: DEFAULT_PASSES },
+        Initial::Hploc { radius: DEFAULT_HPLOC_RADIUS },
+        Initial::SahBinned { bins: Bins::DEFAULT },
     ];
     let scenes = [("soup", soup(700, 0.1, 6)), ("copies", soup(1, 0.1, 6).repeat(300)), ("one", soup(1, 0.1, 6))];
     // Those that the data decide about.
@@ -362,7 +391,9 @@ fn a_run_takes_the_kernels_of_its_plan_and_no_others() {
         {
             let scene = Scene::from_triangles(*name, triangles.clone()).unwrap();
             let runs = orders().map(|order| (order, Optimizer::Prbvh));
-            for (order, optimizer) in runs.into_iter().chain([(PrbvhSettings::default(), Optimizer::None)]) {
+            let rotations = Optimizer::Rotations(RotationSettings::default().with(|s| s.annealing_passes = 2));
+            let others = [Optimizer::None, rotations].map(|optimizer| (PrbvhSettings::default(), optimizer));
+            for (order, optimizer) in runs.into_iter().chain(others) {
                 let prbvh = order.with(|s| s.limits = Limits::iterations(30));
                 let how = format!("{}, {}", prbvh.order, prbvh.strategy);
                 let settings = settings(Some(2)).with(|s| {

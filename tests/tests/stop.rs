@@ -1,10 +1,10 @@
 //! A run that somebody asks to end: it ends soon, with the best tree so far.
 
-use prbvh::build::{DEFAULT_RADIUS, TreeletSize};
+use prbvh::build::{Bins, DEFAULT_HPLOC_RADIUS, DEFAULT_PASSES, DEFAULT_RADIUS, TreeletSize};
 use prbvh::bvh;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{self, Command, Device, DeviceError, Recording, Timing};
-use prbvh::optimize::{IterationRow, Order, PrbvhSettings, RbvhSettings, StopReason};
+use prbvh::optimize::{IterationRow, Order, PrbvhSettings, RbvhSettings, RotationSettings, StopReason};
 use prbvh::pipeline::{Initial, Optimizer, PipelineError, Settings, optimize};
 use prbvh::scene::built_in;
 use prbvh::stop::Stop;
@@ -129,6 +129,8 @@ fn an_end_while_a_tree_is_built_is_an_error_by_name() {
         (Initial::Lbvh, "hierarchy"),
         (Initial::Ploc { radius: DEFAULT_RADIUS }, "nearest"),
         (Initial::Atrbvh { treelet: TreeletSize::default() }, "restructure"),
+        (Initial::Trbvh { passes: DEFAULT_PASSES }, "restructure"),
+        (Initial::Hploc { radius: DEFAULT_HPLOC_RADIUS }, "merge"),
     ] {
         let mut device = asks(label, 1);
         let mut settings = Settings::default().with(|s| s.initial = initial);
@@ -138,7 +140,7 @@ fn an_end_while_a_tree_is_built_is_an_error_by_name() {
         assert!(device.stop.is_asked() && device.runs_since == 0, "{label}: {} runs", device.runs_since);
         assert_eq!(device.memory().bytes, 0, "{label}");
     }
-    for initial in [Initial::SahSweep, Initial::SahBinned] {
+    for initial in [Initial::SahSweep, Initial::SahBinned { bins: Bins::DEFAULT }] {
         let mut settings = Settings::default().with(|s| s.initial = initial);
         let stop = Stop::default();
         stop.ask();
@@ -168,7 +170,8 @@ fn time_that_passes_while_a_tree_is_built_counts() {
     }
     let scene = built_in(2000);
     let go_on = &mut |_: &IterationRow| ControlFlow::Continue(());
-    for optimizer in [Optimizer::Prbvh, Optimizer::Rbvh(RbvhSettings::default())] {
+    let rotations = Optimizer::Rotations(RotationSettings::default());
+    for optimizer in [Optimizer::Prbvh, Optimizer::Rbvh(RbvhSettings::default()), rotations] {
         let mut settings = Settings::default().with(|s| s.optimizer = optimizer);
         settings.limits_mut().max_time = Some(Duration::from_millis(20));
         let result = optimize(&scene, &mut Slow(CpuDevice::new(1).unwrap()), &settings, go_on).unwrap();

@@ -1,6 +1,7 @@
 //! Threads are those that the caller gave, and no others are started.
 #![cfg(target_os = "linux")]
 
+use prbvh::build::Bins;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::optimize::{Budget, Reoptimizer};
 use prbvh::pipeline::{Initial, Leaves, Settings, optimize, optimize_tree};
@@ -33,7 +34,7 @@ fn a_pool_that_is_given_is_all_there_is() {
     // From here on outside of the pool: the device has it.
     let mut device = CpuDevice::in_pool(Arc::clone(&pool));
     let go_on = &mut |_: &_| ControlFlow::Continue(());
-    for initial in [Initial::Lbvh, Initial::SahSweep, Initial::SahBinned] {
+    for initial in [Initial::Lbvh, Initial::SahSweep, Initial::SahBinned { bins: Bins::DEFAULT }] {
         let settings = Settings::default().with(|s| {
             s.initial = initial;
             s.fold_duplicates = true;

@@ -160,7 +160,7 @@ impl PrbvhOptions {
         settings.initial = match self.initial {
             0 => Initial::Lbvh,
             1 => Initial::Ploc { radius: DEFAULT_RADIUS },
-            2 => Initial::SahBinned,
+            2 => Initial::SahBinned { bins: prbvh::build::Bins::DEFAULT },
             3 => Initial::SahSweep,
             other => {
                 return Err(Failure::argument(format!("options.initial is {other}, but the last PrbvhInitial is 3")));

@@ -113,7 +113,7 @@
 //! | feature | has | default |
 //! |---|---|---|
 //! | `vulkan` | GPUs | yes |
-//! | `atrbvh` | the builder ATRBVH, which may be patented: see NOTICE | yes |
+//! | `atrbvh` | the builders ATRBVH and TRBVH, which may be patented: see NOTICE | yes |
 //! | `serde` | settings, plans and outcomes as data of [serde](https://serde.rs) | no |
 //! | `obvhs`, `bvh` | trees of these crates, in and out | no |
 //! | `files` | scene files, tree files, compiled pipelines of Vulkan kept from run to run | no |

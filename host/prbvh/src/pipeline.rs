@@ -22,6 +22,7 @@ use crate::device::{Device, DeviceError, Lease, StoppableLoan, Timing, Watched, 
 use crate::fold::{unfold_rows, unfolded_row};
 use crate::optimize::{
     CurrentTree, IterationRow, Limits, Outcome, StopReason, TreeAreas, measure_unchecked, prbvh_unchecked,
+    rotations_unchecked,
 };
 use crate::plan::{Plan, PlanMismatch};
 use crate::references::References;
@@ -230,6 +231,13 @@ fn run(
             tree = optimized;
             outcome
         }
+        (Optimizer::Rotations(settings), None) => {
+            let mut settings = settings.clone();
+            left(&mut settings.limits);
+            rotations_unchecked(device, &tree, areas, &settings, &mut |row, tree, device| {
+                observe(row, CurrentTree::Device(tree, device, None))
+            })?
+        }
         (Optimizer::None, None) => {
             on_host::nothing(&tree, device, initial.sah_cost, StopReason::NoOptimizer, &mut observe)
         }
@@ -314,7 +322,7 @@ fn build(
     let added = fold.map_or(0.0, |fold| fold.added_cost(&scene.triangles, &SahModel::default()));
     let (tree, mut timings) = initial_tree(scene, given, references, device, (settings, plan.codes))?;
     let areas = match settings.optimizer {
-        Optimizer::Prbvh => {
+        Optimizer::Prbvh | Optimizer::Rotations(_) => {
             let (areas, measured) = measure_unchecked(device, &tree)?;
             timings.extend(measured);
             Some(areas)

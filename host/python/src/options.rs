@@ -63,7 +63,7 @@ impl<'py> Options<'py> {
         settings.initial = match initial.as_str() {
             "lbvh" => Initial::Lbvh,
             "ploc" => Initial::Ploc { radius: DEFAULT_RADIUS },
-            "sah-binned" => Initial::SahBinned,
+            "sah-binned" => Initial::SahBinned { bins: prbvh::build::Bins::DEFAULT },
             "sah-sweep" => Initial::SahSweep,
             other => {
                 let need = "lbvh, ploc, sah-binned or sah-sweep";

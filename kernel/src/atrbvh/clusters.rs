@@ -1,6 +1,7 @@
 //! The leaves of a treelet, and what they become as they are joined.
 
 use super::MAX_TREELET;
+use super::treelet::Slots;
 use crate::aabb::Aabb;
 
 const SLOTS: usize = MAX_TREELET as usize;
@@ -44,12 +45,6 @@ impl Clusters {
         }
     }
 
-    /// Node of the cluster in `slot`.
-    #[inline(always)]
-    pub(super) fn node(&self, slot: u32) -> u32 {
-        self.nodes[slot as usize]
-    }
-
     #[inline(always)]
     fn aabb(&self, slot: u32) -> Aabb {
         let k = 6 * slot as usize;
@@ -57,20 +52,6 @@ impl Clusters {
             min: [self.boxes[k], self.boxes[k + 1], self.boxes[k + 2]],
             max: [self.boxes[k + 3], self.boxes[k + 4], self.boxes[k + 5]],
         }
-    }
-
-    /// Puts a cluster into `slot`.
-    #[inline(always)]
-    pub(super) fn put(&mut self, slot: u32, node: u32, aabb: Aabb) {
-        self.nodes[slot as usize] = node;
-        let k = 6 * slot as usize;
-        self.boxes[k] = aabb.min[0];
-        self.boxes[k + 1] = aabb.min[1];
-        self.boxes[k + 2] = aabb.min[2];
-        self.boxes[k + 3] = aabb.max[0];
-        self.boxes[k + 4] = aabb.max[1];
-        self.boxes[k + 5] = aabb.max[2];
-        self.active |= 1 << slot;
     }
 
     /// Whether `slot` holds a cluster.
@@ -152,5 +133,30 @@ impl Clusters {
                 }
             }
         }
+    }
+}
+
+impl Slots for Clusters {
+    #[inline(always)]
+    fn put(&mut self, slot: u32, node: u32, aabb: Aabb) {
+        self.nodes[slot as usize] = node;
+        let k = 6 * slot as usize;
+        self.boxes[k] = aabb.min[0];
+        self.boxes[k + 1] = aabb.min[1];
+        self.boxes[k + 2] = aabb.min[2];
+        self.boxes[k + 3] = aabb.max[0];
+        self.boxes[k + 4] = aabb.max[1];
+        self.boxes[k + 5] = aabb.max[2];
+        self.active |= 1 << slot;
+    }
+
+    #[inline(always)]
+    fn node(&self, slot: u32) -> u32 {
+        self.nodes[slot as usize]
+    }
+
+    #[inline(always)]
+    fn set_count(&mut self, count: u32) {
+        self.count = count;
     }
 }

@@ -1,13 +1,14 @@
-//! ATRBVH: treelets of a tree are built anew by agglomerative clustering, from the leaves up.
+//! Treelets of a tree are built anew, from the leaves up: by agglomerative clustering (ATRBVH), or the best of all (TRBVH).
 //!
-//! Source: Domingues & Pedrini 2015; treelets are those of Karras & Aila 2013. In a pass with the bound γ every internal node with at
+//! Source: Domingues & Pedrini 2015; Karras & Aila 2013, of whom the treelets are. In a pass with the bound γ every internal node with at
 //! least γ references below is the root of a treelet, and is processed after all treelet roots below it.
 //!
 //! | kernel | kind | in → out |
 //! |---|---|---|
 //! | [`levels`] | climb | links → level of every treelet root, treelets of each level |
 //! | `sort_*`, `scan_*` | | levels → treelet roots level by level |
-//! | [`restructure`] | scatter | a level's treelet roots → better treelets |
+//! | [`restructure`] | scatter | a level's treelet roots → better treelets, by clustering |
+//! | [`restructure_optimally`] | scatter | a level's treelet roots → the best treelets |
 //!
 //! The published kernel restructures as it climbs. Here each level is a dispatch of its own: an invocation processes one treelet, so that it
 //! never comes near the rounds that a device lets its loops run, and neighbours in a dispatch do the same work.
@@ -19,10 +20,14 @@
 
 mod clusters;
 mod levels;
+mod optimal;
 mod restructure;
+mod treelet;
 
 pub use levels::{LevelsParams, levels};
-pub use restructure::{RELATIVE_THRESHOLD, RestructureParams, restructure};
+pub use optimal::{OPTIMAL_TREELET, restructure_optimally};
+pub use restructure::restructure;
+pub use treelet::{RELATIVE_THRESHOLD, RestructureParams};
 
 /// Most leaves of a treelet.
 pub const MAX_TREELET: u32 = 32;

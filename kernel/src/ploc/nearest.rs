@@ -20,7 +20,7 @@ pub struct NearestParams {
 
 /// Half area of the union as a key that orders like it. What is no number is as far as can be, and no area is negative.
 #[inline(always)]
-fn distance(left: Aabb, right: Aabb) -> u32 {
+pub(crate) fn distance(left: Aabb, right: Aabb) -> u32 {
     const FARTHEST: u32 = f32::INFINITY.to_bits();
     let area = left.union(right).half_area();
     if area <= f32::MAX { if area > 0.0 { area.to_bits() } else { 0 } } else { FARTHEST }

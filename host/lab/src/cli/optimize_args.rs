@@ -8,7 +8,7 @@ use super::target::TargetArgs;
 use super::values::{not_negative, threads};
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
-use prbvh::build::{DEFAULT_RADIUS, MortonBits, TreeletSize};
+use prbvh::build::{Bins, DEFAULT_HPLOC_RADIUS, DEFAULT_PASSES, DEFAULT_RADIUS, MortonBits, TreeletSize};
 use prbvh::bvh::MaxDepth;
 use prbvh::device::DeviceChoice;
 use prbvh::optimize::{Epsilon, Order, Strategy};
@@ -23,15 +23,21 @@ use std::time::Duration;
 pub(super) struct OptimizeArgs {
     #[command(flatten)]
     pub(super) scenes: ScenesArgs,
-    /// Where the initial tree comes from: lbvh, ploc, atrbvh, sah-sweep, sah-binned, or a tree.bvh over the same scene.
+    /// Where the initial tree comes from: lbvh, ploc, atrbvh, trbvh, hploc, sah-sweep, sah-binned, or a tree.bvh over the same scene.
     #[arg(long, default_value = "lbvh", value_name = "BUILDER|FILE.bvh", value_parser = OsStringValueParser::new().try_map(initial))]
     pub(super) initial: Initial,
-    /// Places in the Morton order that a cluster of ploc looks to either side [default: 16].
+    /// Places in the list that a cluster of ploc or hploc looks to either side [default: 16; hploc: 8].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub(super) radius: Option<u32>,
     /// Leaves of the treelets that atrbvh restructures, 4 to 32 [default: 20].
     #[arg(long, value_name = "N", value_parser = treelet, allow_negative_numbers = true)]
     pub(super) treelet: Option<TreeletSize>,
+    /// Most passes of trbvh over the treelets [default: 3].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    pub(super) passes: Option<u32>,
+    /// Bins of an axis for sah-binned, 8 to 32 [default: 32].
+    #[arg(long, value_name = "N", value_parser = bins, allow_negative_numbers = true)]
+    pub(super) bins: Option<Bins>,
     /// Bits of the Morton codes that the initial tree is built from.
     #[arg(long, value_enum, default_value_t)]
     pub(super) morton_bits: MortonBitsArg,
@@ -141,13 +147,23 @@ impl OptimizeArgs {
     fn initial(&self) -> anyhow::Result<Initial> {
         let mut initial = self.initial.clone();
         match (&mut initial, self.radius.and_then(NonZeroU32::new)) {
-            (Initial::Ploc { radius }, Some(asked)) => *radius = asked,
-            (other, Some(_)) => anyhow::bail!("--radius is for --initial ploc, not for {other}"),
+            (Initial::Ploc { radius } | Initial::Hploc { radius }, Some(asked)) => *radius = asked,
+            (other, Some(_)) => anyhow::bail!("--radius is for --initial ploc or hploc, not for {other}"),
             (_, None) => {}
         }
         match (&mut initial, self.treelet) {
             (Initial::Atrbvh { treelet }, Some(asked)) => *treelet = asked,
             (other, Some(_)) => anyhow::bail!("--treelet is for --initial atrbvh, not for {other}"),
+            (_, None) => {}
+        }
+        match (&mut initial, self.passes.and_then(NonZeroU32::new)) {
+            (Initial::Trbvh { passes }, Some(asked)) => *passes = asked,
+            (other, Some(_)) => anyhow::bail!("--passes is for --initial trbvh, not for {other}"),
+            (_, None) => {}
+        }
+        match (&mut initial, self.bins) {
+            (Initial::SahBinned { bins }, Some(asked)) => *bins = asked,
+            (other, Some(_)) => anyhow::bail!("--bins is for --initial sah-binned, not for {other}"),
             (_, None) => {}
         }
         initial.check()?;
@@ -187,18 +203,26 @@ fn initial(text: OsString) -> Result<Initial, String> {
         Some("lbvh") => Ok(Initial::Lbvh),
         Some("ploc") => Ok(Initial::Ploc { radius: DEFAULT_RADIUS }),
         Some("atrbvh") => Ok(Initial::Atrbvh { treelet: TreeletSize::default() }),
+        Some("trbvh") => Ok(Initial::Trbvh { passes: DEFAULT_PASSES }),
+        Some("hploc") => Ok(Initial::Hploc { radius: DEFAULT_HPLOC_RADIUS }),
         Some("sah-sweep") => Ok(Initial::SahSweep),
-        Some("sah-binned") => Ok(Initial::SahBinned),
+        Some("sah-binned") => Ok(Initial::SahBinned { bins: Bins::DEFAULT }),
         _ if Path::new(&text).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("bvh")) => {
             Ok(Initial::File { path: text.into() })
         }
-        _ => Err("neither lbvh, ploc, atrbvh, sah-sweep, sah-binned nor a tree file that ends in .bvh".to_owned()),
+        _ => Err("neither lbvh, ploc, atrbvh, trbvh, hploc, sah-sweep, sah-binned nor a tree file that ends in .bvh"
+            .to_owned()),
     }
 }
 
 fn treelet(text: &str) -> Result<TreeletSize, String> {
     let leaves = text.parse::<u32>().map_err(|error| error.to_string())?;
     TreeletSize::new(leaves).map_err(|error| error.to_string())
+}
+
+fn bins(text: &str) -> Result<Bins, String> {
+    let bins = text.parse::<u32>().map_err(|error| error.to_string())?;
+    Bins::new(bins).map_err(|error| error.to_string())
 }
 
 #[cfg(test)]
@@ -222,10 +246,21 @@ mod tests {
         };
         assert_eq!(initial("--initial atrbvh"), atrbvh(20));
         assert_eq!(initial("--initial atrbvh --treelet 32"), atrbvh(32));
+        let trbvh = |passes| {
+            let initial = Initial::Trbvh { passes: NonZeroU32::new(passes).unwrap() };
+            initial.check().map(|()| initial).map_err(|error| error.to_string())
+        };
+        assert_eq!(initial("--initial trbvh"), trbvh(3));
+        assert_eq!(initial("--initial trbvh --passes 7"), trbvh(7));
+        let hploc = |radius| Ok(Initial::Hploc { radius: NonZeroU32::new(radius).unwrap() });
+        assert_eq!(initial("--initial hploc"), hploc(8));
+        assert_eq!(initial("--initial hploc --radius 31"), hploc(31));
+        let binned = |bins| Ok(Initial::SahBinned { bins: Bins::new(bins).unwrap() });
         assert_eq!(initial("--initial sah-sweep"), Ok(Initial::SahSweep));
-        assert_eq!(initial("--initial sah-binned"), Ok(Initial::SahBinned));
+        assert_eq!(initial("--initial sah-binned"), binned(32));
+        assert_eq!(initial("--initial sah-binned --bins 8"), binned(8));
         assert_eq!(initial("--initial out/tree.BVH"), Ok(Initial::File { path: "out/tree.BVH".into() }));
-        for name in ["lbvh", "ploc", "sah-sweep", "sah-binned", "a.bvh"] {
+        for name in ["lbvh", "ploc", "hploc", "sah-sweep", "sah-binned", "a.bvh"] {
             let arguments = format!("--initial {name}");
             assert_eq!(initial(&arguments).unwrap().to_string(), name);
         }
@@ -238,11 +273,15 @@ mod tests {
             ("--initial tree.obj", "ends in .bvh"),
             ("--initial ploc --radius 0", "0 is not in 1.."),
             ("--initial ploc --radius many", "many"),
-            ("--radius 5", "--radius is for --initial ploc, not for lbvh"),
+            ("--radius 5", "--radius is for --initial ploc or hploc, not for lbvh"),
             ("--initial a.bvh --radius 5", "not for a.bvh"),
             ("--initial atrbvh --treelet 3", "a treelet has 4 to 32 leaves, not 3"),
             ("--initial atrbvh --treelet 33", "a treelet has 4 to 32 leaves, not 33"),
             ("--initial atrbvh --treelet -1", "invalid digit"),
+            ("--passes 7", "--passes is for --initial trbvh, not for lbvh"),
+            ("--initial trbvh --passes 0", "0 is not in 1.."),
+            ("--initial sah-sweep --bins 8", "--bins is for --initial sah-binned, not for sah-sweep"),
+            ("--initial sah-binned --bins 7", "an axis has 8 to 32 bins, not 7"),
             ("--treelet 7", "--treelet is for --initial atrbvh, not for lbvh"),
         ] {
             let error = settings(arguments).unwrap_err();
@@ -255,7 +294,10 @@ mod tests {
         use clap::CommandFactory;
         let mut command = Cli::command();
         let help = command.find_subcommand_mut("optimize").unwrap().render_long_help().to_string();
-        for default in [DEFAULT_RADIUS.get(), TreeletSize::DEFAULT.get(), PrbvhSettings::default().mu] {
+        let radius = format!("[default: {DEFAULT_RADIUS}; hploc: {DEFAULT_HPLOC_RADIUS}]");
+        assert!(help.contains(&radius), "{help}");
+        let mu = PrbvhSettings::default().mu;
+        for default in [TreeletSize::DEFAULT.get(), DEFAULT_PASSES.get(), Bins::DEFAULT.get(), mu] {
             assert!(help.contains(&format!("[default: {default}]")), "{help}");
         }
         let (prbvh, rbvh) = (PrbvhSettings::default(), RbvhSettings::default());

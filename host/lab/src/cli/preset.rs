@@ -4,10 +4,15 @@ use prbvh::pipeline::Settings;
 use prbvh_lab::presets::Preset;
 
 /// Arguments whose settings a preset has: beside it they are refused. Limits, targets and leaves may stand beside it.
-pub(super) const PRESET_SETS: [&str; 11] = [
+pub(super) const PRESET_SETS: [&str; 16] = [
     "initial",
     "radius",
     "treelet",
+    "passes",
+    "bins",
+    "annealing",
+    "temperature",
+    "no_cousins",
     "strategy",
     "order",
     "optimizer",
@@ -55,6 +60,11 @@ mod tests {
             "--initial lbvh",
             "--radius 9",
             "--treelet 9",
+            "--passes 9",
+            "--bins 9",
+            "--annealing 9",
+            "--temperature 9",
+            "--no-cousins",
             "--strategy aggressive",
             "--order published",
             "--optimizer prbvh",

@@ -2,9 +2,9 @@
 
 use super::methods::{Builder, Job, published, worst_first};
 use super::{OptimizerRun, Purpose};
-use prbvh::build::DEFAULT_RADIUS;
+use prbvh::build::{DEFAULT_HPLOC_RADIUS, DEFAULT_RADIUS};
 #[cfg(feature = "atrbvh")]
-use prbvh::build::TreeletSize;
+use prbvh::build::{DEFAULT_PASSES, TreeletSize};
 use prbvh::optimize::{PrbvhSettings, Strategy};
 use prbvh::pipeline::{Initial, Settings};
 
@@ -16,6 +16,9 @@ const INITIAL: &[Initial] = &[
     Initial::Ploc { radius: DEFAULT_RADIUS },
     #[cfg(feature = "atrbvh")]
     Initial::Atrbvh { treelet: TreeletSize::DEFAULT },
+    #[cfg(feature = "atrbvh")]
+    Initial::Trbvh { passes: DEFAULT_PASSES },
+    Initial::Hploc { radius: DEFAULT_HPLOC_RADIUS },
 ];
 
 /// Strategies beside the aggressive one: whoever adds one adds a row here.

@@ -4,12 +4,12 @@ use super::MethodError;
 use super::peers;
 use crate::presets::{self, Candidate};
 use prbvh::build;
-use prbvh::build::MortonBits;
+use prbvh::build::{DEFAULT_HPLOC_RADIUS, MortonBits};
 #[cfg(feature = "atrbvh")]
-use prbvh::build::TreeletSize;
+use prbvh::build::{DEFAULT_PASSES, TreeletSize};
 use prbvh::device::DeviceError;
 use prbvh::device::cpu::CpuDevice;
-use prbvh::optimize::{self, IterationRow, Order, RbvhSettings, StopReason};
+use prbvh::optimize::{self, IterationRow, Order, RbvhSettings, RotationSettings, StopReason};
 use prbvh::pipeline::{Initial, Optimizer, Settings};
 use prbvh::stop::Stop;
 use prbvh_kernel::node::Node;
@@ -93,6 +93,20 @@ const METHODS: &[Entry] = &[
         is_default: true,
         jobs: |_| vec![initial("atrbvh".to_owned(), Initial::Atrbvh { treelet: TreeletSize::default() })],
     },
+    #[cfg(feature = "atrbvh")]
+    Entry {
+        name: "trbvh",
+        is_default: true,
+        jobs: |_| vec![initial("trbvh".to_owned(), Initial::Trbvh { passes: DEFAULT_PASSES })],
+    },
+    Entry {
+        name: "hploc",
+        is_default: true,
+        jobs: |_| {
+            let radius = DEFAULT_HPLOC_RADIUS;
+            vec![initial(format!("hploc r={radius}"), Initial::Hploc { radius })]
+        },
+    },
     Entry {
         name: "ploc",
         is_default: true,
@@ -105,6 +119,11 @@ const METHODS: &[Entry] = &[
         name: "rbvh",
         is_default: true,
         jobs: |_| vec![rbvh("rbvh", rbvh_as_published), rbvh("rbvh undo", rbvh_with_undo)],
+    },
+    Entry {
+        name: "rotations",
+        is_default: true,
+        jobs: |_| vec![rotations("rotations", 0), rotations("rotations annealed", 30)],
     },
     Entry {
         name: "prbvh",
@@ -163,6 +182,13 @@ fn candidate(candidate: &Candidate) -> Option<Job> {
     settings.initial.check().ok()?;
     // µ is part of the name, with all else.
     Some(Job { method: candidate.to_string(), mu: None, builder: Builder::Pipeline(Box::new(settings)) })
+}
+
+/// Rotations from LBVH.
+fn rotations(method: &str, annealing_passes: u32) -> Job {
+    let rotations = RotationSettings::default().with(|s| s.annealing_passes = annealing_passes);
+    let settings = Settings::default().with(|s| s.optimizer = Optimizer::Rotations(rotations));
+    Job { method: method.to_owned(), mu: None, builder: Builder::Pipeline(Box::new(settings)) }
 }
 
 fn host(method: &str, build: HostBuilder) -> Job {
@@ -277,7 +303,7 @@ mod tests {
     #[test]
     fn an_unknown_name_is_refused_with_the_known_ones() {
         let error = methods(&["lbvh", "magic"]).unwrap_err().to_string();
-        for part in ["`magic`", "ploc, rbvh, prbvh, worst-first, sah-sweep, sah-binned"] {
+        for part in ["`magic`", "ploc, rbvh, rotations, prbvh, worst-first, sah-sweep, sah-binned"] {
             assert!(error.contains(part), "{error}");
         }
     }

@@ -1,11 +1,11 @@
 //! The methods of the table.
 
-use prbvh::build::DEFAULT_RADIUS;
+use prbvh::build::{Bins, DEFAULT_HPLOC_RADIUS, DEFAULT_RADIUS};
 #[cfg(feature = "atrbvh")]
-use prbvh::build::TreeletSize;
+use prbvh::build::{DEFAULT_PASSES, TreeletSize};
 use prbvh::bvh::MaxDepth;
 use prbvh::collapse::CollapseSettings;
-use prbvh::optimize::{Limits, Order, PrbvhSettings, RbvhSettings, Strategy};
+use prbvh::optimize::{Limits, Order, PrbvhSettings, RbvhSettings, RotationSettings, Strategy};
 use prbvh::pipeline::{Initial, Optimizer, Settings};
 
 /// A way from triangles to a tree.
@@ -46,6 +46,12 @@ impl Method {
         Self { name, settings: unbounded().with(|s| s.optimizer = optimizer), optimizes: true }
     }
 
+    fn rotations(name: &'static str, annealing_passes: u32) -> Self {
+        let settings = RotationSettings::default().with(|s| s.annealing_passes = annealing_passes);
+        let optimizer = Optimizer::Rotations(settings);
+        Self { name, settings: unbounded().with(|s| s.optimizer = optimizer), optimizes: true }
+    }
+
     fn conservative(mut self) -> Self {
         self.settings.prbvh.strategy = Strategy::Conservative;
         self
@@ -83,14 +89,19 @@ pub fn methods() -> Vec<Method> {
         Method::builder("lbvh", Initial::Lbvh),
         #[cfg(feature = "atrbvh")]
         Method::builder("atrbvh", Initial::Atrbvh { treelet: TreeletSize::DEFAULT }),
+        #[cfg(feature = "atrbvh")]
+        Method::builder("trbvh", Initial::Trbvh { passes: DEFAULT_PASSES }),
+        Method::builder("hploc", Initial::Hploc { radius: DEFAULT_HPLOC_RADIUS }),
         Method::builder("ploc", ploc()),
         Method::builder("sah-sweep", Initial::SahSweep),
-        Method::builder("sah-binned", Initial::SahBinned),
+        Method::builder("sah-binned", Initial::SahBinned { bins: Bins::DEFAULT }),
         Method::worst_first("worst-first", Initial::Lbvh),
         Method::published("prbvh-9", Initial::Lbvh, 9),
         Method::published("prbvh-1", Initial::Lbvh, 1),
         Method::published("conservative-9", Initial::Lbvh, 9).conservative(),
         Method::rbvh("rbvh"),
+        Method::rotations("rotations", 0),
+        Method::rotations("rotations-annealed", 10),
         Method::worst_first("ploc+worst-first", ploc()),
         Method::published("ploc+prbvh-9", ploc(), 9),
         Method::published("ploc+prbvh-1", ploc(), 1),

@@ -1,5 +1,6 @@
 //! Binned SAH (Wald 2007): splits between equally wide bins of the centres.
 
+use super::Bins;
 use super::top_down::{Part, SERIAL, Split, in_range, stable_partition, top_down};
 use crate::stop::Stop;
 use prbvh_kernel::aabb::Aabb;
@@ -7,8 +8,11 @@ use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
 use rayon::prelude::*;
 
-/// Bins of an axis.
-const BINS: usize = 32;
+/// Room for the bins of an axis.
+const MOST: usize = Bins::MAX.get() as usize;
+
+/// Parts of so few references are sorted by their bins: fewer steps than there are bins.
+const FEW: usize = 16;
 
 /// Builds a tree of one triangle per leaf on the CPU, with all threads of the current rayon pool; the tree does not depend on their
 /// number. Returns `nodes[2n-1]` for [`DeviceTree::upload`](super::DeviceTree::upload). `triangles` are finite and of any size: the splits are
@@ -19,30 +23,49 @@ const BINS: usize = 32;
 /// Of no triangles there is no tree, and no nodes.
 #[must_use]
 pub fn sah_binned(triangles: &[Triangle]) -> Vec<Node> {
-    binned_until(triangles, None).unwrap_or_default()
+    sah_binned_by(triangles, Bins::DEFAULT)
 }
 
-/// [`sah_binned`]; none of no triangles, or if an end was asked for.
-pub(crate) fn binned_until(triangles: &[Triangle], stop: Option<&Stop>) -> Option<Vec<Node>> {
+/// [`sah_binned`] with another number of bins.
+#[must_use]
+pub fn sah_binned_by(triangles: &[Triangle], bins: Bins) -> Vec<Node> {
+    binned_until(triangles, bins, None).unwrap_or_default()
+}
+
+/// [`sah_binned_by`]; none of no triangles, or if an end was asked for.
+pub(crate) fn binned_until(triangles: &[Triangle], bins: Bins, stop: Option<&Stop>) -> Option<Vec<Node>> {
     if triangles.is_empty() {
         return None;
     }
-    let split = in_range(triangles);
-    let boxes: Vec<Aabb> = split.par_iter().map(Triangle::aabb).collect();
-    let mut ids: Vec<u32> = (0..boxes.len() as u32).collect();
-    let mut spare = vec![0; boxes.len()];
-    top_down(Binned { boxes: &boxes, ids: &mut ids, spare: &mut spare }, triangles, stop)
+    let mut references: Vec<Reference> = {
+        let split = in_range(triangles);
+        split.par_iter().zip(0u32..split.len() as u32).map(|(t, id)| Reference { aabb: t.aabb(), id }).collect()
+    };
+    let mut spare = references.clone();
+    let part = Binned { bins: bins.get() as usize, references: &mut references, spare: &mut spare };
+    top_down(part, triangles, stop)
+}
+
+/// A box stays with its reference: whoever goes over a part goes over one piece of memory.
+#[derive(Clone, Copy)]
+struct Reference {
+    aabb: Aabb,
+    id: u32,
+}
+
+impl Reference {
+    /// Twice the centre: the factor changes no split.
+    fn centre(&self, axis: usize) -> f32 {
+        self.aabb.min[axis] + self.aabb.max[axis]
+    }
 }
 
 struct Binned<'a> {
-    boxes: &'a [Aabb],
-    ids: &'a mut [u32],
-    spare: &'a mut [u32],
-}
-
-/// Twice the centre: the factor changes no split.
-fn centre(aabb: &Aabb) -> [f32; 3] {
-    [0, 1, 2].map(|axis| aabb.min[axis] + aabb.max[axis])
+    /// Bins of an axis.
+    bins: usize,
+    references: &'a mut [Reference],
+    /// As long.
+    spare: &'a mut [Reference],
 }
 
 /// What lies in a bin.
@@ -55,68 +78,80 @@ struct Bin {
 impl Bin {
     const EMPTY: Self = Self { aabb: Aabb::EMPTY, references: 0 };
 
+    fn of(reference: &Reference) -> Self {
+        Self { aabb: reference.aabb, references: 1 }
+    }
+
     fn union(self, other: Self) -> Self {
         Self { aabb: self.aabb.union(other.aabb), references: self.references + other.references }
     }
 }
 
-type Bins = [[Bin; BINS]; 3];
+type AllBins = [[Bin; MOST]; 3];
 
 /// Where the bins of each axis lie.
 #[derive(Clone, Copy)]
 struct Grid {
+    bins: usize,
     origin: [f32; 3],
     /// Bins per unit; 0 where all centres are the same.
     scale: [f32; 3],
 }
 
 impl Grid {
-    fn of(centres: &Aabb) -> Self {
+    fn of(centres: &Aabb, bins: usize) -> Self {
         let scale = |axis: usize| {
             let extent = centres.max[axis] - centres.min[axis];
-            if extent > 0.0 { BINS as f32 / extent } else { 0.0 }
+            if extent > 0.0 { bins as f32 / extent } else { 0.0 }
         };
-        Self { origin: centres.min, scale: [scale(0), scale(1), scale(2)] }
+        Self { bins, origin: centres.min, scale: [scale(0), scale(1), scale(2)] }
+    }
+
+    /// Axes on which not all lie in one bin.
+    fn axes(&self) -> impl Iterator<Item = usize> + use<> {
+        let scale = self.scale;
+        (0..3).filter(move |&axis| scale[axis] > 0.0)
     }
 
     /// Grows with the coordinate. The smallest centre is in bin 0, the largest in the last one.
-    fn bin(&self, axis: usize, coordinate: f32) -> usize {
-        (((coordinate - self.origin[axis]) * self.scale[axis]) as usize).min(BINS - 1)
+    fn bin(&self, axis: usize, reference: &Reference) -> usize {
+        (((reference.centre(axis) - self.origin[axis]) * self.scale[axis]) as usize).min(self.bins - 1)
     }
 }
 
+/// A split, on which axis, and the first bin on its right.
+type Place = (Split, usize, usize);
+
 impl Binned<'_> {
     /// Maps chunks of references, on several threads where it is worth it, and folds the results in order.
-    fn map_chunks<T: Send>(&self, map: impl Fn(&[u32]) -> T + Sync + Send, fold: impl Fn(T, T) -> T) -> T {
-        let mapped: Vec<T> = if self.ids.len() < 2 * SERIAL {
-            vec![map(self.ids)]
-        } else {
-            self.ids.par_chunks(SERIAL).map(&map).collect()
-        };
+    fn map_chunks<T: Send>(&self, map: impl Fn(&[Reference]) -> T + Sync + Send, fold: impl Fn(T, T) -> T) -> T {
+        if self.references.len() < 2 * SERIAL {
+            return map(self.references);
+        }
+        let mapped: Vec<T> = self.references.par_chunks(SERIAL).map(&map).collect();
         mapped.into_iter().reduce(fold).expect("a part has references")
     }
 
     fn centres(&self) -> Aabb {
-        let map = |ids: &[u32]| {
-            let points = ids.iter().map(|&id| centre(&self.boxes[id as usize]));
+        let map = |references: &[Reference]| {
+            let points = references.iter().map(|reference| [0, 1, 2].map(|axis| reference.centre(axis)));
             points.fold(Aabb::EMPTY, |sum, point| sum.union(Aabb { min: point, max: point }))
         };
         self.map_chunks(map, Aabb::union)
     }
 
-    fn bins(&self, grid: &Grid) -> Bins {
-        let map = |ids: &[u32]| {
-            let mut bins = [[Bin::EMPTY; BINS]; 3];
-            for &id in ids {
-                let aabb = self.boxes[id as usize];
-                for (axis, coordinate) in centre(&aabb).into_iter().enumerate() {
-                    let bin = &mut bins[axis][grid.bin(axis, coordinate)];
-                    *bin = bin.union(Bin { aabb, references: 1 });
+    fn fill(&self, grid: &Grid) -> AllBins {
+        let map = |references: &[Reference]| {
+            let mut bins = [[Bin::EMPTY; MOST]; 3];
+            for reference in references {
+                for axis in grid.axes() {
+                    let bin = &mut bins[axis][grid.bin(axis, reference)];
+                    *bin = bin.union(Bin::of(reference));
                 }
             }
             bins
         };
-        let fold = |mut sum: Bins, bins: Bins| {
+        let fold = |mut sum: AllBins, bins: AllBins| {
             for (sum, bin) in sum.iter_mut().flatten().zip(bins.iter().flatten()) {
                 *sum = sum.union(*bin);
             }
@@ -124,61 +159,129 @@ impl Binned<'_> {
         };
         self.map_chunks(map, fold)
     }
-}
 
-/// The best split between two bins, and the first bin on its right; none where one bin holds all.
-fn best_split(bins: &[Bin; BINS], references: usize) -> Option<(Split, usize)> {
-    let mut right = [Bin::EMPTY; BINS];
-    let mut sum = Bin::EMPTY;
-    for k in (1..BINS).rev() {
-        sum = sum.union(bins[k]);
-        right[k] = sum;
+    /// The best split between two bins; none where all lie in one.
+    fn best_split(&self, grid: &Grid) -> Option<Place> {
+        let n = self.references.len();
+        let mut best = None;
+        if n <= FEW {
+            for axis in grid.axes() {
+                self.split_few(grid, axis, &mut best);
+            }
+        } else {
+            let bins = self.fill(grid);
+            for axis in grid.axes() {
+                split_bins(&bins[axis][..grid.bins], (axis, n), &mut best);
+            }
+        }
+        best
     }
-    let mut best: Option<(Split, usize)> = None;
-    let mut left = Bin::EMPTY;
-    for k in 1..BINS {
-        left = left.union(bins[k - 1]);
-        if left.references > 0 && right[k].references > 0 {
-            let areas = (left.aabb.half_area(), right[k].aabb.half_area());
-            let split = Split::new(areas.0, areas.1, left.references, references);
-            if best.is_none_or(|(best, _)| split.beats(&best, references)) {
-                best = Some((split, k));
+
+    /// As [`split_bins`], without the bins that hold nothing.
+    fn split_few(&self, grid: &Grid, axis: usize, best: &mut Option<Place>) {
+        let n = self.references.len();
+        let mut sorted = [(0, Bin::EMPTY); FEW];
+        for (k, reference) in self.references.iter().enumerate() {
+            let bin = grid.bin(axis, reference);
+            let mut at = k;
+            while at > 0 && sorted[at - 1].0 > bin {
+                sorted[at] = sorted[at - 1];
+                at -= 1;
+            }
+            sorted[at] = (bin, Bin::of(reference));
+        }
+        let mut right = [0.0; FEW];
+        let mut sum = Bin::EMPTY;
+        for k in (1..n).rev() {
+            sum = sum.union(sorted[k].1);
+            right[k] = sum.aabb.half_area();
+        }
+        let mut left = Bin::EMPTY;
+        for k in 1..n {
+            let (bin, of) = sorted[k - 1];
+            left = left.union(of);
+            if sorted[k].0 > bin {
+                offer((Split::new(left.aabb.half_area(), right[k], k, n), axis, bin + 1), n, best);
             }
         }
     }
-    best
+}
+
+/// Looks at every split between two bins of an axis of `n` references that leaves neither side empty.
+fn split_bins(bins: &[Bin], (axis, n): (usize, usize), best: &mut Option<Place>) {
+    let mut right = [Bin::EMPTY; MOST];
+    let mut sum = Bin::EMPTY;
+    for k in (1..bins.len()).rev() {
+        sum = sum.union(bins[k]);
+        right[k] = sum;
+    }
+    let mut left = Bin::EMPTY;
+    for k in 1..bins.len() {
+        left = left.union(bins[k - 1]);
+        // Behind an empty bin the split is the one before.
+        if bins[k - 1].references > 0 && right[k].references > 0 {
+            let areas = (left.aabb.half_area(), right[k].aabb.half_area());
+            offer((Split::new(areas.0, areas.1, left.references, n), axis, k), n, best);
+        }
+    }
+}
+
+fn offer(place: Place, n: usize, best: &mut Option<Place>) {
+    if best.is_none_or(|(best, ..)| place.0.beats(&best, n)) {
+        *best = Some(place);
+    }
+}
+
+/// [`stable_partition`], by all threads where it is worth it. Returns how many are left, the references and what is spare.
+fn partition<'a>(
+    references: &'a mut [Reference],
+    spare: &'a mut [Reference],
+    is_left: impl Fn(&Reference) -> bool + Sync,
+) -> (usize, &'a mut [Reference], &'a mut [Reference]) {
+    if references.len() < 2 * SERIAL {
+        let left = stable_partition(references, spare, is_left);
+        return (left, references, spare);
+    }
+    let count = |chunk: &[Reference]| chunk.iter().filter(|reference| is_left(reference)).count();
+    let counts: Vec<usize> = references.par_chunks(SERIAL).map(count).collect();
+    let left = counts.iter().sum();
+    let (mut lefts, mut rights) = spare.split_at_mut(left);
+    let mut chunks = Vec::with_capacity(counts.len());
+    for (chunk, count) in references.chunks(SERIAL).zip(counts) {
+        let sides = (lefts.split_at_mut(count), rights.split_at_mut(chunk.len() - count));
+        (lefts, rights) = (sides.0.1, sides.1.1);
+        chunks.push((chunk, sides.0.0, sides.1.0));
+    }
+    chunks.into_par_iter().for_each(|(chunk, lefts, rights)| {
+        let (mut lefts, mut rights) = (lefts.iter_mut(), rights.iter_mut());
+        for reference in chunk {
+            let side = if is_left(reference) { lefts.next() } else { rights.next() };
+            *side.expect("as many as were counted") = *reference;
+        }
+    });
+    (left, spare, references)
 }
 
 impl Part for Binned<'_> {
     fn len(&self) -> usize {
-        self.ids.len()
+        self.references.len()
     }
 
     fn first(&self) -> u32 {
-        self.ids[0]
+        self.references[0].id
     }
 
     fn split(self) -> (Self, Self) {
-        let n = self.ids.len();
-        let grid = Grid::of(&self.centres());
-        let mut best = Split::worst(n);
-        let mut place = None;
-        for (axis, bins) in self.bins(&grid).iter().enumerate() {
-            if let Some((split, bin)) = best_split(bins, n)
-                && split.beats(&best, n)
-            {
-                best = split;
-                place = Some((axis, bin));
-            }
-        }
-        let boxes = self.boxes;
-        let left = match place {
-            Some((axis, bin)) => {
-                stable_partition(self.ids, self.spare, |id| grid.bin(axis, centre(&boxes[id as usize])[axis]) < bin)
-            }
-            None => best.left,
+        let bins = self.bins;
+        let grid = Grid::of(&self.centres(), bins);
+        let best = self.best_split(&grid);
+        let Self { references, spare, .. } = self;
+        let (left, references, spare) = match best {
+            Some((_, axis, bin)) => partition(references, spare, |reference| grid.bin(axis, reference) < bin),
+            None => (references.len() / 2, references, spare),
         };
-        let (ids, spare) = (self.ids.split_at_mut(left), self.spare.split_at_mut(left));
-        (Self { boxes, ids: ids.0, spare: spare.0 }, Self { boxes, ids: ids.1, spare: spare.1 })
+        let (references, spare) = (references.split_at_mut(left), spare.split_at_mut(left));
+        let part = |references, spare| Self { bins, references, spare };
+        (part(references.0, spare.0), part(references.1, spare.1))
     }
 }

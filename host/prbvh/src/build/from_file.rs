@@ -68,6 +68,8 @@ pub fn from_file(path: &Path, scene: &Scene, triangles: &[Triangle]) -> Result<V
     }
     let encoded = file.tree.to_device();
     let mut nodes = encoded.map_err(|source| TreeOfFileError::Encode { path: path.to_owned(), source })?;
-    fill_boxes(&mut nodes, triangles);
+    let count = nodes.len() / 2;
+    let (internal, leaves) = nodes.split_at_mut(count);
+    fill_boxes((internal, 0), (leaves, count as u32), triangles);
     Ok(nodes)
 }

@@ -3,36 +3,51 @@
 #[cfg(feature = "atrbvh")]
 mod atrbvh;
 mod binned;
+mod bins;
 mod codes;
 #[cfg(feature = "files")]
 mod from_file;
+mod hploc;
 mod lbvh;
 mod order;
 mod ploc;
 mod sort;
 mod sweep;
 mod top_down;
+#[cfg(feature = "atrbvh")]
+mod trbvh;
 mod treelet;
+#[cfg(feature = "atrbvh")]
+mod treelets;
 mod unfit;
 
 #[cfg(feature = "atrbvh")]
 #[doc(hidden)]
 pub use atrbvh::restructure_unchecked;
 #[cfg(feature = "atrbvh")]
-pub use atrbvh::{Pass, Restructured, atrbvh, restructure};
+pub use atrbvh::{atrbvh, restructure};
 pub(crate) use binned::binned_until;
-pub use binned::sah_binned;
+pub use binned::{sah_binned, sah_binned_by};
+pub use bins::{Bins, BinsError};
 pub use codes::MortonBits;
 pub use codes::{CodeCensus, Codes, MOST_COMPARED};
 #[cfg(feature = "files")]
 pub use from_file::{TreeOfFileError, from_file};
+pub use hploc::{DEFAULT_HPLOC_RADIUS, hploc};
 pub use lbvh::lbvh;
 pub use ploc::{DEFAULT_RADIUS, ploc};
 #[cfg(feature = "atrbvh")]
 pub(crate) use sort::kernels as sort_kernels;
 pub use sweep::sah_sweep;
 pub(crate) use sweep::sweep_until;
-pub use treelet::{TreeletSize, TreeletSizeError};
+#[cfg(feature = "atrbvh")]
+#[doc(hidden)]
+pub use trbvh::restructure_optimally_unchecked;
+#[cfg(feature = "atrbvh")]
+pub use trbvh::{restructure_optimally, trbvh};
+pub use treelet::{DEFAULT_PASSES, TreeletSize, TreeletSizeError};
+#[cfg(feature = "atrbvh")]
+pub use treelets::{Pass, Restructured};
 pub use unfit::UnfitTree;
 
 use crate::bvh::{Bvh, Decoder, TreeFault};

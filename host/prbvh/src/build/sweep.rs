@@ -106,7 +106,7 @@ impl Part for Sweep<'_> {
             is_left[id as usize].store(k < left, Ordering::Relaxed);
         }
         for_each_axis(&mut self.axes, n, |axis| {
-            stable_partition(axis.ids, axis.scratch, |id| is_left[id as usize].load(Ordering::Relaxed));
+            stable_partition(axis.ids, axis.scratch, |&id| is_left[id as usize].load(Ordering::Relaxed));
         });
         let [x, y, z] = self.axes.map(|axis| axis.split_at(left));
         (Self { boxes, is_left, axes: [x.0, y.0, z.0] }, Self { boxes, is_left, axes: [x.1, y.1, z.1] })

@@ -41,27 +41,31 @@ pub(super) fn top_down(part: impl Part, triangles: &[Triangle], stop: Option<&St
     let (internal, leaves) = nodes.split_at_mut(n - 1);
     let root = Subtree { part, internal, internal_id: 0, leaves, leaf_id: n as u32 - 1, up: NO_NODE };
     let is_asked = || stop.is_some_and(Stop::is_asked);
-    grow(root, MOST_FORKS, &is_asked);
-    if is_asked() {
-        return None;
-    }
-    fill_boxes(&mut nodes, triangles);
-    Some(nodes)
+    grow(root, MOST_FORKS, triangles, &is_asked);
+    if is_asked() { None } else { Some(nodes) }
 }
 
-/// Computes all boxes of a tree whose internal nodes are numbered parents first.
-pub(super) fn fill_boxes(nodes: &mut [Node], triangles: &[Triangle]) {
-    let internal = nodes.len() / 2;
-    for leaf in &mut nodes[internal..] {
-        let aabb = triangles[leaf.down as usize].aabb();
+/// Computes the boxes of a subtree whose internal nodes are numbered from `first` on, parents first, and its leaves from `first_leaf` on. Returns
+/// that of its root.
+pub(super) fn fill_boxes(
+    (internal, first): (&mut [Node], u32),
+    (leaves, first_leaf): (&mut [Node], u32),
+    all: &[Triangle],
+) -> Aabb {
+    for leaf in &mut *leaves {
+        let aabb = all[leaf.down as usize].aabb();
         (leaf.min, leaf.max) = (aabb.min, aabb.max);
     }
-    for v in (0..internal).rev() {
-        let left = nodes[v].down as usize;
-        let right = nodes[left].up as usize;
-        let aabb = nodes[left].aabb().union(nodes[right].aabb());
-        (nodes[v].min, nodes[v].max) = (aabb.min, aabb.max);
+    let mut aabb = leaves[0].aabb();
+    for k in (0..internal.len()).rev() {
+        let node =
+            |v: u32| if v < first_leaf { internal[(v - first) as usize] } else { leaves[(v - first_leaf) as usize] };
+        let left = node(internal[k].down);
+        let right = node(left.up);
+        aabb = left.aabb().union(right.aabb());
+        (internal[k].min, internal[k].max) = (aabb.min, aabb.max);
     }
+    aabb
 }
 
 /// A part and the nodes that it will fill: one internal node fewer than leaves.
@@ -75,9 +79,9 @@ struct Subtree<'a, P> {
     up: u32,
 }
 
-impl<P: Part> Subtree<'_, P> {
-    /// Fills the root. Returns what hangs below it.
-    fn plant(self) -> Option<[Self; 2]> {
+impl<'a, P: Part> Subtree<'a, P> {
+    /// Fills the links of the root. Returns it, and what hangs below it; none if it is a leaf.
+    fn plant(self) -> Option<(&'a mut Node, [Self; 2])> {
         let Some((root, internal)) = self.internal.split_first_mut() else {
             self.leaves[0].up = self.up;
             self.leaves[0].down = self.part.first();
@@ -93,43 +97,52 @@ impl<P: Part> Subtree<'_, P> {
         root.down = left_root;
         let internal = internal.split_at_mut(count - 1);
         let leaves = self.leaves.split_at_mut(count);
-        Some([
-            Self {
-                part: left,
-                internal: internal.0,
-                internal_id: internal_ids[0],
-                leaves: leaves.0,
-                leaf_id: leaf_ids[0],
-                up: right_root,
-            },
-            Self {
-                part: right,
-                internal: internal.1,
-                internal_id: internal_ids[1],
-                leaves: leaves.1,
-                leaf_id: leaf_ids[1],
-                up: self.internal_id | RIGHT,
-            },
-        ])
+        let left = Self {
+            part: left,
+            internal: internal.0,
+            internal_id: internal_ids[0],
+            leaves: leaves.0,
+            leaf_id: leaf_ids[0],
+            up: right_root,
+        };
+        let right = Self {
+            part: right,
+            internal: internal.1,
+            internal_id: internal_ids[1],
+            leaves: leaves.1,
+            leaf_id: leaf_ids[1],
+            up: self.internal_id | RIGHT,
+        };
+        Some((root, [left, right]))
     }
 }
 
-fn grow<P: Part>(subtree: Subtree<'_, P>, forks: u32, is_asked: &(impl Fn() -> bool + Sync)) {
+/// Fills a subtree; returns the box of its root. Nothing is said of it if an end was asked for.
+fn grow<P: Part>(
+    subtree: Subtree<'_, P>,
+    forks: u32,
+    triangles: &[Triangle],
+    is_asked: &(impl Fn() -> bool + Sync),
+) -> Aabb {
     if is_asked() {
-        return;
+        return Aabb::EMPTY;
     }
     if forks > 0 && subtree.leaves.len() >= SERIAL {
-        if let Some([left, right]) = subtree.plant() {
-            rayon::join(|| grow(left, forks - 1, is_asked), || grow(right, forks - 1, is_asked));
-        }
-        return;
+        let (root, [left, right]) = subtree.plant().expect("several references are no leaf");
+        let grow = |subtree| grow(subtree, forks - 1, triangles, is_asked);
+        let (left, right) = rayon::join(|| grow(left), || grow(right));
+        let aabb = left.union(right);
+        (root.min, root.max) = (aabb.min, aabb.max);
+        return aabb;
     }
-    let mut pending = vec![subtree];
+    let Subtree { part, internal, internal_id, leaves, leaf_id, up } = subtree;
+    let mut pending = vec![Subtree { part, internal: &mut *internal, internal_id, leaves: &mut *leaves, leaf_id, up }];
     while let Some(subtree) = pending.pop() {
-        if let Some([left, right]) = subtree.plant() {
+        if let Some((_, [left, right])) = subtree.plant() {
             pending.extend([right, left]);
         }
     }
+    fill_boxes((internal, internal_id), (leaves, leaf_id), triangles)
 }
 
 /// A split under consideration.
@@ -160,20 +173,20 @@ impl Split {
     }
 }
 
-/// Moves the ids for which `is_left` holds to the front, keeping the order among them and among the others. `spare` is as long as `ids`.
+/// Moves the items for which `is_left` holds to the front, keeping the order among them and among the others. `spare` is as long as `items`.
 /// Returns how many they are.
-pub(super) fn stable_partition(ids: &mut [u32], spare: &mut [u32], is_left: impl Fn(u32) -> bool) -> usize {
+pub(super) fn stable_partition<T: Copy>(items: &mut [T], spare: &mut [T], is_left: impl Fn(&T) -> bool) -> usize {
     let (mut left, mut right) = (0, 0);
-    for k in 0..ids.len() {
-        let id = ids[k];
-        if is_left(id) {
-            ids[left] = id;
+    for k in 0..items.len() {
+        let item = items[k];
+        if is_left(&item) {
+            items[left] = item;
             left += 1;
         } else {
-            spare[right] = id;
+            spare[right] = item;
             right += 1;
         }
     }
-    ids[left..].copy_from_slice(&spare[..right]);
+    items[left..].copy_from_slice(&spare[..right]);
     left
 }

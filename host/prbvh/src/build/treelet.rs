@@ -1,6 +1,10 @@
-//! How large the treelets of ATRBVH are.
+//! How large the treelets of ATRBVH are, and how often TRBVH goes over its own.
 
 use std::fmt;
+use std::num::NonZeroU32;
+
+/// Passes of TRBVH where none are asked for, as published (Karras & Aila 2013).
+pub const DEFAULT_PASSES: NonZeroU32 = NonZeroU32::new(3).expect("not 0");
 
 /// Leaves of a treelet of ATRBVH (Domingues & Pedrini 2015), 4 to 32.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

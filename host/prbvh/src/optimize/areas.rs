@@ -101,6 +101,11 @@ impl Measure {
         self.arrived = 2;
     }
 
+    /// Takes note that a climb that makes all boxes anew is recorded.
+    pub(super) fn is_climbed(&mut self) {
+        self.arrived = 2;
+    }
+
     /// Records what [`Measure::areas`] reads, after a refit; from here on only paths are refitted.
     fn record_areas(&mut self, recording: &mut Recording) -> u32 {
         let (internal, leaves) = (self.internal(), self.references);

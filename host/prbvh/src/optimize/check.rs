@@ -1,6 +1,6 @@
 //! Which values of the optimisers' settings make sense.
 
-use super::{Epsilon, Limits, PrbvhSettings, RbvhSettings, WorstFirst};
+use super::{Epsilon, Limits, PrbvhSettings, RbvhSettings, RotationSettings, WorstFirst};
 use crate::check::{SettingError, at_least_1, must, no_negative};
 
 impl Limits {
@@ -52,6 +52,16 @@ impl RbvhSettings {
         must("batch", self.batch, self.batch > 0.0 && self.batch <= 1.0, "above 0 and at most 1")?;
         no_negative("epsilon", self.epsilon)?;
         at_least_1("patience", self.patience)?;
+        self.limits.check()
+    }
+}
+
+impl RotationSettings {
+    /// # Errors
+    /// The first field whose value makes no sense.
+    pub fn check(&self) -> Result<(), SettingError> {
+        no_negative("temperature", self.temperature)?;
+        no_negative("epsilon", self.epsilon)?;
         self.limits.check()
     }
 }

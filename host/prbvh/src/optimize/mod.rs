@@ -14,6 +14,7 @@ mod prbvh;
 mod published;
 mod rbvh;
 mod reoptimize;
+mod rotations;
 mod row;
 mod schedule;
 mod session;
@@ -34,6 +35,9 @@ pub use prbvh::{prbvh, prbvh_from};
 pub(crate) use rbvh::rbvh_of;
 pub use rbvh::{RbvhSettings, RbvhTree, rbvh};
 pub use reoptimize::{Budget, ReoptimizeError, Reoptimizer, Shapes, Step};
+#[doc(hidden)]
+pub use rotations::rotations_unchecked;
+pub use rotations::{RotationSettings, refit_rotating, rotations};
 pub use schedule::{Epsilon, Order, PrbvhSettings, WorstFirst};
 pub use session::Outcome;
 

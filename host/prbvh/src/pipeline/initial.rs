@@ -47,8 +47,18 @@ pub(super) fn initial_tree(
         }
         #[cfg(not(feature = "atrbvh"))]
         Initial::Atrbvh { .. } => return Err(FeatureOff { method: "atrbvh", feature: "atrbvh" }.into()),
+        #[cfg(feature = "atrbvh")]
+        Initial::Trbvh { passes } => {
+            let (tree, timings, _) = build::trbvh(device, working, codes, *passes)?;
+            return Ok((tree, timings));
+        }
+        #[cfg(not(feature = "atrbvh"))]
+        Initial::Trbvh { .. } => return Err(FeatureOff { method: "trbvh", feature: "atrbvh" }.into()),
+        Initial::Hploc { radius } => return Ok(build::hploc(device, working, codes, *radius)?),
         Initial::SahSweep => ("sah sweep", until(on_host(device, || build::sweep_until(&working, stop)))?),
-        Initial::SahBinned => ("sah binned", until(on_host(device, || build::binned_until(&working, stop)))?),
+        Initial::SahBinned { bins } => {
+            ("sah binned", until(on_host(device, || build::binned_until(&working, *bins, stop)))?)
+        }
         Initial::Tree(_) => {
             let tree = given.map(|given| given.tree.clone()).ok_or(DeviceError::Stopped)?;
             ("read tree", tree.with_boxes_of(&working).to_device()?)

@@ -142,7 +142,10 @@ impl Decide<'_> {
             let why = format!("the optimiser is {}", self.settings.optimizer);
             let mut item = item(Omission::DeviceOptimizer, Status::LeftOut, why);
             let mut dry = DryDevice::new(self.info);
-            dry.hold_tree(self.plan.references)?;
+            match &self.settings.optimizer {
+                Optimizer::Rotations(rotations) => dry.rotate(self.plan.references, rotations, ITERATIONS)?,
+                _ => dry.hold_tree(self.plan.references)?,
+            }
             item.saved = self.saving(taken, &dry.taken());
             let start = self.optimize(prbvh.clone(), self.info.atomics_64, 0)?;
             item.saved.dispatches = start.dispatches;

@@ -4,7 +4,7 @@ use super::{Omission, PhaseBytes};
 use crate::build::{self, Codes, DeviceTree};
 use crate::collapse;
 use crate::device::{Buffer, Command, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing, Traffic};
-use crate::optimize::{Limits, PrbvhSettings, prbvh_unchecked};
+use crate::optimize::{Limits, PrbvhSettings, RotationSettings, prbvh_unchecked, rotations_unchecked};
 use crate::settings::Initial;
 use crate::trace::TraceScene;
 use prbvh_kernel::Kernel;
@@ -38,6 +38,8 @@ pub(super) struct Taken {
 const ROUNDS: [Kernel; 3] = [Kernel::PlocNearest, Kernel::PlocMark, Kernel::PlocMerge];
 #[cfg(feature = "atrbvh")]
 const TREELETS: [Kernel; 2] = [Kernel::AtrbvhLevels, Kernel::AtrbvhRestructure];
+#[cfg(feature = "atrbvh")]
+const OPTIMAL: [Kernel; 2] = [Kernel::AtrbvhLevels, Kernel::TrbvhRestructure];
 const COLLAPSE: [Kernel; 4] =
     [Kernel::CollapseSizes, Kernel::CollapsePlaces, Kernel::CollapseJump, Kernel::CollapseEmit];
 
@@ -100,6 +102,21 @@ impl DryDevice {
                 }
                 tree
             }
+            #[cfg(feature = "atrbvh")]
+            Initial::Trbvh { passes } => {
+                let (tree, _) = build::lbvh(self, triangles, codes)?;
+                // As above.
+                if let Err(error @ (DeviceError::Limit { .. } | DeviceError::OutOfMemory { .. })) =
+                    build::restructure_optimally_unchecked(self, &tree, *passes, &mut |_, _| {})
+                {
+                    return Err(error);
+                }
+                if triangles.len() > 2 {
+                    self.kernels.extend(OPTIMAL.into_iter().chain(build::sort_kernels(&self.info)));
+                }
+                tree
+            }
+            Initial::Hploc { radius } => build::hploc(self, triangles, codes, *radius)?.0,
             _ => self.tree(triangles.len())?,
         };
         tree.free(self);
@@ -117,6 +134,24 @@ impl DryDevice {
         let settings = PrbvhSettings { limits: Limits::iterations(iterations), ..settings };
         let outcome = prbvh_unchecked(self, &tree, None, &settings, &mut |_, _, _| ControlFlow::Continue(()))?;
         self.iterations = outcome.rows.len() as u64 - 1;
+        tree.free(self);
+        Ok(())
+    }
+
+    /// Optimises by rotations, in so many passes.
+    pub(super) fn rotate(
+        &mut self,
+        triangles: usize,
+        settings: &RotationSettings,
+        passes: u32,
+    ) -> Result<(), DeviceError> {
+        let tree = self.tree(triangles)?;
+        let settings = RotationSettings { limits: Limits::iterations(passes), ..settings.clone() };
+        let outcome = rotations_unchecked(self, &tree, None, &settings, &mut |_, _, _| ControlFlow::Continue(()))?;
+        self.iterations = outcome.rows.len() as u64 - 1;
+        if settings.annealing_passes > 0 && triangles > 2 {
+            self.kernels.insert(Kernel::KeptRestore);
+        }
         tree.free(self);
         Ok(())
     }

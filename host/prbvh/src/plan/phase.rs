@@ -59,5 +59,9 @@ pub(super) fn phases(
     }
     phases.push(phase("collapse".to_owned(), plan.collapses, &|dry| dry.collapse(n))?);
     phases.push(phase("trace".to_owned(), false, &|dry| dry.trace(n))?);
+    if let Optimizer::Rotations(rotations) = &settings.optimizer {
+        let name = "optimise, rotations".to_owned();
+        phases.push(phase(name, true, &|dry| dry.rotate(references, rotations, ITERATIONS))?);
+    }
     Ok(phases.into_iter().unzip())
 }
