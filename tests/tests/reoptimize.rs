@@ -1,7 +1,7 @@
 //! A tree that follows a scene in motion, on every device.
 
 use prbvh::build::{DeviceTree, sah_sweep};
-use prbvh::bvh::{Bvh, SahModel, quality, validate, validate_references};
+use prbvh::bvh::{Bvh, SahModel, quality, tree_hash, validate, validate_references};
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{self, Device};
 use prbvh::optimize::{Budget, ReoptimizeError, Reoptimizer, WorstFirst};
@@ -68,6 +68,25 @@ fn a_tree_follows_its_scene_and_stays_good_on_every_device() {
             assert_eq!(*first.get_or_insert_with(|| costs.clone()), costs, "{name}");
         }
     });
+}
+
+#[test]
+fn refits_rotate_unless_told_otherwise() {
+    let scene = built_in(3000);
+    let tree = built(&scene, &mut cpu());
+    let frames: Vec<Vec<Triangle>> = (1..=6).map(|k| frames::at(&scene, k as f32 / 6.0)).collect();
+    let last = &frames[frames.len() - 1];
+    let followed = |rotates: bool| {
+        let mut device = cpu();
+        let mut moving = Reoptimizer::new(&mut device, &tree, &scene.triangles).unwrap();
+        moving.set_rotations(rotates);
+        frames.iter().for_each(|frame| moving.refit(frame).unwrap());
+        moving.tree().unwrap()
+    };
+    let (plain, rotated) = (followed(false), followed(true));
+    validate(&rotated, Some(last)).unwrap();
+    assert_eq!(tree_hash(&plain), tree_hash(&tree.clone().with_boxes_of(last)), "no link changes");
+    assert!(cost(&rotated) < 0.97 * cost(&plain), "{} is hardly less than {}", cost(&rotated), cost(&plain));
 }
 
 #[test]

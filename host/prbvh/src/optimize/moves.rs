@@ -47,7 +47,7 @@ pub(super) struct Moves {
     pub(super) found: Buffer,
     locks: Locks,
     /// Children of nodes in the best tree.
-    kept: Buffer,
+    pub(super) kept: Buffer,
     pub(super) books: Buffer,
     pub(super) report: Buffer,
 }

@@ -104,6 +104,18 @@ pub fn refit_rotating(device: &mut dyn Device, tree: &DeviceTree) -> Result<u32,
     Ok(pass.report(device)?[APPLIED])
 }
 
+/// Records a pass over arrivals that are clear; `kept` is not touched unless the flags say so.
+pub(super) fn record_rotations(
+    recording: &mut Recording,
+    nodes: &Buffer,
+    arrivals: &Buffer,
+    (kept, report): (&Buffer, &Buffer),
+    params: RotateParams,
+) {
+    recording.clear("rotate", report);
+    recording.dispatch("rotate", Kernel::Rotations, params.count, &params, &[nodes, arrivals, kept, report]);
+}
+
 /// What a pass needs beside the tree.
 #[derive(Debug)]
 struct Pass {
@@ -131,9 +143,7 @@ impl Pass {
     }
 
     fn record(&self, recording: &mut Recording, arrivals: &Buffer, params: RotateParams) {
-        recording.clear("rotate", &self.report);
-        let buffers = [&self.nodes, arrivals, &self.kept, &self.report];
-        recording.dispatch("rotate", Kernel::Rotations, self.references, &params, &buffers);
+        record_rotations(recording, &self.nodes, arrivals, (&self.kept, &self.report), params);
     }
 
     fn report(&self, device: &mut dyn Device) -> Result<[u32; REPORT_WORDS as usize], DeviceError> {

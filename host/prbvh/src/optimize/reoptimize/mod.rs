@@ -1,5 +1,7 @@
 //! Trees of scenes that move: refitted to each frame, and made a little better in each.
 //!
+//! A refit makes the rotations that lower the cost on its way up, which mends most of what a frame does to the tree, and only near by; searches mend the rest.
+//!
 //! Rounds are those of worst first, and go on from frame to frame: keys, pool and fringe stay ([`prbvh_kernel::prbvh::worst`]), so that each frame begins
 //! where the last one stopped. When every node had its turn, or after some frames, another walk begins at the top: what was searched in vain may have got
 //! worse since.
@@ -78,6 +80,8 @@ pub struct Reoptimizer<'d> {
     boxes: Vec<Aabb>,
     /// Room for those of the next one, which may be refused.
     next: Vec<Aabb>,
+    /// Whether refits rotate.
+    rotates: bool,
     /// Whether the next round begins at the top.
     begins: bool,
     /// Frames since the walk began.
@@ -113,6 +117,7 @@ impl<'d> Reoptimizer<'d> {
             settings: WorstFirst::default(),
             next: boxes.clone(),
             boxes,
+            rotates: true,
             begins: true,
             frames: 0,
             visits_of_a_search: VISITS_OF_A_SEARCH,
@@ -130,7 +135,14 @@ impl<'d> Reoptimizer<'d> {
         Ok(())
     }
 
-    /// The shapes of another frame, as many as before: leaves get their boxes, and all boxes above are made anew.
+    /// Whether a [refit](Self::refit) makes [rotations](super::rotations()) on its way up (Kopta et al. 2012), which it does unless told otherwise: nearly
+    /// for free they undo most of what the motion does to the tree. Without them a refit changes no link.
+    pub fn set_rotations(&mut self, rotates: bool) {
+        self.rotates = rotates;
+    }
+
+    /// The shapes of another frame, as many as before: leaves get their boxes, and all boxes above are made anew, with
+    /// [rotations](Self::set_rotations) on the way.
     ///
     /// # Errors
     /// If there are more or fewer shapes, or one is not finite: then the tree is as before. If they are out of range: then the tree is to be refitted to
@@ -145,7 +157,7 @@ impl<'d> Reoptimizer<'d> {
         std::mem::swap(&mut self.boxes, &mut self.next);
         self.frames += 1;
         self.begins |= self.frames >= FRAMES_OF_A_WALK;
-        let root = self.working.refit(self.device.get(), &self.boxes)?;
+        let root = self.working.refit(self.device.get(), &self.boxes, self.rotates)?;
         Ok(SafeRange::check(&root)?)
     }
 
@@ -310,7 +322,7 @@ fn on_device(device: &mut dyn Device, tree: &Bvh, boxes: &[Aabb]) -> Result<Work
     let nodes = tree.to_device()?;
     let lease = &mut Lease::new(device);
     let mut working = Working::new(lease, &nodes, boxes, ROUNDS)?;
-    let root = working.refit(lease, boxes)?;
+    let root = working.refit(lease, boxes, false)?;
     SafeRange::check(&root)?;
     lease.keep();
     Ok(working)

@@ -4,6 +4,7 @@ use super::super::areas::Measure;
 use super::super::ledger::Report;
 use super::super::lists::{FIRST_STAGES, Lists, Of, POOL, Trial};
 use super::super::moves::Moves;
+use super::super::rotations::record_rotations;
 use super::super::{TreeAreas, WorstFirst};
 use crate::build::{DeviceTree, Scratch};
 use crate::device::{Buffer, Device, DeviceError, Recording};
@@ -12,6 +13,7 @@ use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::lbvh::LeavesParams;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::prbvh::worst::RoundParams;
+use prbvh_kernel::rotations::{COUSINS, RotateParams};
 use prbvh_kernel::status::REPORT_WORDS;
 use prbvh_kernel::sum::scale_of;
 
@@ -65,14 +67,31 @@ impl Working {
         self.tree.references - 1
     }
 
-    /// Takes other boxes of the primitives; returns the root's.
-    pub(super) fn refit(&mut self, device: &mut dyn Device, boxes: &[Aabb]) -> Result<Aabb, DeviceError> {
+    /// Takes other boxes of the primitives, and rotates on the way up if `rotates`; returns the root's.
+    pub(super) fn refit(
+        &mut self,
+        device: &mut dyn Device,
+        boxes: &[Aabb],
+        rotates: bool,
+    ) -> Result<Aabb, DeviceError> {
         device.upload(&self.boxes, bytemuck::cast_slice(boxes))?;
         let mut recording = Recording::new();
         let params = LeavesParams { count: self.tree.references };
         let buffers = [&self.order, &self.boxes, &self.tree.nodes];
         recording.dispatch("refit", Kernel::LbvhLeaves, params.count, &params, &buffers);
-        self.measure.record_refit(&mut recording);
+        if rotates {
+            let arrivals = &self.measure.arrivals;
+            let params = RotateParams { count: self.tree.references, flags: COUSINS, ..bytemuck::Zeroable::zeroed() };
+            record_rotations(
+                &mut recording,
+                &self.tree.nodes,
+                arrivals,
+                (&self.moves.kept, &self.moves.report),
+                params,
+            );
+        } else {
+            self.measure.record_refit(&mut recording);
+        }
         self.measure.record_no_arrivals(&mut recording);
         recording.fetch("refit", &self.tree.nodes, size_of::<Node>());
         device.run(&recording)?;
