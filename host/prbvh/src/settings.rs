@@ -1,11 +1,16 @@
 //! What a run is asked for: initial tree, optimiser, leaves.
 
+mod named;
+
+use crate::build::{AacSettings, HuntSettings, KMeansSettings, PhrSettings};
 use crate::build::{MortonBits, TreeletSize};
 use crate::bvh::{Bvh, MaxDepth};
 pub use crate::check::{FeatureOff, SettingError};
 use crate::collapse::CollapseSettings;
 pub use crate::given::GivenTree;
+use crate::optimize::{InsertionSettings, OnlineSettings};
 use crate::optimize::{IterationRow, Limits, PrbvhSettings, RbvhSettings, WorstFirst};
+pub use crate::parameters::ParameterError;
 use std::fmt;
 use std::num::NonZeroU32;
 #[cfg(feature = "files")]
@@ -25,7 +30,7 @@ impl From<Bvh> for Initial {
 }
 
 /// Where the initial tree comes from.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(
     feature = "serde",
     derive(serde::Serialize, serde::Deserialize),
@@ -50,6 +55,40 @@ pub enum Initial {
     SahSweep,
     /// Binned SAH (Wald 2007), on the CPU.
     SahBinned,
+    /// Exact agglomerative clustering (Walter et al. 2008), on one thread of the CPU; of up to [`MOST_AGGLOMERATED`](crate::build::MOST_AGGLOMERATED)
+    /// references.
+    Agglomerative,
+    /// Approximate agglomerative clustering (Gu et al. 2013), on the CPU.
+    Aac {
+        /// Its settings.
+        aac: AacSettings,
+    },
+    /// k-means (Meister & Bittner 2016), on the CPU.
+    #[cfg_attr(feature = "serde", serde(rename = "kmeans"))]
+    KMeans {
+        /// Its settings.
+        kmeans: KMeansSettings,
+    },
+    /// Insertion (Goldsmith & Salmon 1987, and with branch and bound), on one thread of the CPU.
+    Insertion {
+        /// Its settings.
+        insertion: InsertionSettings,
+    },
+    /// Online construction (Bittner, Hapala & Havran 2015), on one thread of the CPU.
+    Online {
+        /// Its settings.
+        online: OnlineSettings,
+    },
+    /// Sweeps over cuts of a constant size (Hunt, Mark & Fussell 2007), on the CPU.
+    Hunt {
+        /// Its settings.
+        hunt: HuntSettings,
+    },
+    /// Progressive hierarchical refinement (Hendrich, Meister & Bittner 2017), on the CPU.
+    Phr {
+        /// Its settings.
+        phr: PhrSettings,
+    },
     /// A tree over the same scene that is in memory, from [`Initial::from`]. Leaves may hold any number of primitives, and a primitive may be in several
     /// leaves (spatial splits). Each primitive of a leaf becomes a leaf of its own; [`Settings::adaptive`] makes larger ones again.
     /// [`optimize_tree`](crate::pipeline::optimize_tree) keeps the leaves, or needs no scene.
@@ -101,7 +140,8 @@ impl Initial {
     }
 }
 
-/// As on the command line: `lbvh`, `ploc`, `atrbvh`, `sah-sweep`, `sah-binned`, or the path of the file; `tree` if it is in memory.
+/// As on the command line: `lbvh`, `ploc`, `atrbvh`, `sah-sweep`, `sah-binned`, a name of [`Initial::of_name`], or the path of the file; `tree` if it is in
+/// memory.
 impl fmt::Display for Initial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -110,6 +150,13 @@ impl fmt::Display for Initial {
             Self::Atrbvh { .. } => f.write_str("atrbvh"),
             Self::SahSweep => f.write_str("sah-sweep"),
             Self::SahBinned => f.write_str("sah-binned"),
+            Self::Agglomerative => f.write_str("agglomerative"),
+            Self::Aac { aac } => named::write(f, "aac", aac),
+            Self::KMeans { kmeans } => named::write(f, "kmeans", kmeans),
+            Self::Insertion { insertion } => named::write(f, "insertion", insertion),
+            Self::Online { online } => named::write(f, "online", online),
+            Self::Hunt { hunt } => named::write(f, "hunt", hunt),
+            Self::Phr { phr } => named::write(f, "phr", phr),
             Self::Tree(_) => f.write_str("tree"),
             #[cfg(feature = "files")]
             Self::File { path } => path.display().fmt(f),
@@ -194,6 +241,7 @@ impl Settings {
     /// # Errors
     /// The first field whose value makes no sense.
     pub fn check(&self) -> Result<(), SettingError> {
+        self.initial.check_parameters()?;
         self.prbvh.check()?;
         if let Optimizer::Rbvh(settings) = &self.optimizer {
             settings.check()?;
@@ -234,159 +282,11 @@ macro_rules! with {
 }
 
 with!(Settings, PrbvhSettings, WorstFirst, RbvhSettings, Limits, CollapseSettings, IterationRow);
+with!(AacSettings, KMeansSettings, InsertionSettings, OnlineSettings, HuntSettings, PhrSettings);
 #[cfg(feature = "files")]
 with!(crate::scene::LoadOptions);
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::build::TreeletSize;
-    use crate::bvh::SahModel;
-    use crate::optimize::Epsilon;
-
-    #[test]
-    fn a_method_that_is_left_out_says_so() {
-        let initial = Initial::Atrbvh { treelet: TreeletSize::default() };
-        assert_eq!(initial.to_string(), "atrbvh");
-        assert_eq!(initial.check().is_ok(), cfg!(feature = "atrbvh"));
-        let error = FeatureOff { method: "atrbvh", feature: "atrbvh" }.to_string();
-        assert!(error.contains("without the cargo feature `atrbvh`"), "{error}");
-    }
-
-    #[test]
-    fn what_is_usual_is_good() {
-        PrbvhSettings::default().check().unwrap();
-        PrbvhSettings::published().check().unwrap();
-        RbvhSettings::default().check().unwrap();
-        CollapseSettings::default().check().unwrap();
-        Limits::iterations(0).check().unwrap();
-    }
-
-    #[test]
-    fn each_bad_value_is_told_with_its_field() {
-        let prbvh = |change: &dyn Fn(&mut PrbvhSettings)| {
-            let mut settings = PrbvhSettings::default();
-            change(&mut settings);
-            settings.check()
-        };
-        let rbvh = |change: &dyn Fn(&mut RbvhSettings)| {
-            let mut settings = RbvhSettings::default();
-            change(&mut settings);
-            settings.check()
-        };
-        let leaves = |c_traversal, max_leaf| {
-            CollapseSettings { sah: SahModel { c_traversal, ..SahModel::default() }, max_leaf }.check()
-        };
-        let cases = [
-            ("mu", "0", prbvh(&|s| s.mu = 0)),
-            ("epsilon", "NaN", prbvh(&|s| s.epsilon = Epsilon::Relative(f64::NAN))),
-            ("epsilon", "-0.1", prbvh(&|s| s.epsilon = Epsilon::Absolute(-0.1))),
-            ("patience", "0", prbvh(&|s| s.patience = 0)),
-            ("target_cost", "NaN", prbvh(&|s| s.limits.target_cost = Some(f64::NAN))),
-            ("worst_first.first", "0", prbvh(&|s| s.worst_first.first = 0)),
-            ("worst_first.growth", "NaN", prbvh(&|s| s.worst_first.growth = f64::NAN)),
-            ("worst_first.growth", "0.9", prbvh(&|s| s.worst_first.growth = 0.9)),
-            ("worst_first.growth", "inf", prbvh(&|s| s.worst_first.growth = f64::INFINITY)),
-            ("worst_first.most_part", "0", prbvh(&|s| s.worst_first.most_part = 0.0)),
-            ("worst_first.most_part", "NaN", prbvh(&|s| s.worst_first.most_part = f64::NAN)),
-            ("worst_first.lock_rounds", "0", prbvh(&|s| s.worst_first.lock_rounds = 0)),
-            ("worst_first.lock_rounds", "4294967295", prbvh(&|s| s.worst_first.lock_rounds = u32::MAX)),
-            ("worst_first.slack", "NaN", prbvh(&|s| s.worst_first.slack = f32::NAN)),
-            ("worst_first.settles", "1", prbvh(&|s| s.worst_first.settles = 1.0)),
-            ("worst_first.patience", "0", prbvh(&|s| s.worst_first.patience = 0)),
-            ("worst_first.tail_part", "1.1", prbvh(&|s| s.worst_first.tail_part = 1.1)),
-            ("batch", "0", rbvh(&|s| s.batch = 0.0)),
-            ("batch", "NaN", rbvh(&|s| s.batch = f64::NAN)),
-            ("epsilon", "-1", rbvh(&|s| s.epsilon = -1.0)),
-            ("patience", "0", rbvh(&|s| s.patience = 0)),
-            ("target_cost", "NaN", rbvh(&|s| s.limits.target_cost = Some(f64::NAN))),
-            ("c_traversal", "-1", leaves(-1.0, None)),
-            ("c_traversal", "NaN", leaves(f64::NAN, None)),
-            ("max_leaf", "0", leaves(1.0, Some(0))),
-        ];
-        for (name, value, checked) in cases {
-            let error = checked.expect_err(name);
-            assert_eq!((error.name, &*error.value), (name, value));
-            assert!(error.to_string().starts_with(&format!("{name} is {value}, but must be ")), "{error}");
-        }
-    }
-}
-
+mod tests;
 #[cfg(all(test, feature = "files", feature = "serde"))]
-mod written_tests {
-    use super::{Initial, Optimizer, Settings};
-    use crate::build::TreeletSize;
-    use crate::collapse::CollapseSettings;
-    use crate::optimize::{Epsilon, Limits, PrbvhSettings, RbvhSettings};
-    use serde_json::{Value, json};
-    use std::num::NonZeroU32;
-    use std::time::Duration;
-
-    fn written(settings: &Settings) -> Value {
-        let value = serde_json::to_value(settings).unwrap();
-        assert_eq!(serde_json::from_value::<Settings>(value.clone()).unwrap(), *settings, "{value}");
-        value
-    }
-
-    fn with_initial(initial: Initial) -> Value {
-        written(&Settings::default().with(|settings| settings.initial = initial))
-    }
-
-    #[test]
-    fn settings_are_plain_keys_and_read_back() {
-        let plain = written(&Settings::default());
-        for (key, value) in [
-            ("initial", json!("lbvh")),
-            ("morton_bits", json!("60")),
-            ("optimizer", json!("prbvh")),
-            ("order", json!("worst-first")),
-            ("strategy", json!("aggressive")),
-            ("mu", json!(9)),
-            ("epsilon", json!(1e-4)),
-            ("epsilon_relative", json!(true)),
-            ("max_iterations", json!(1000)),
-            ("max_time_s", Value::Null),
-            ("target_cost", Value::Null),
-            ("fold_duplicates", json!(false)),
-            ("max_depth", json!(63)),
-            ("adaptive", Value::Null),
-        ] {
-            assert_eq!(plain[key], value, "{key}");
-        }
-        assert!(plain["worst_first"]["first"] == 8 && plain.get("rbvh").is_none() && plain.get("radius").is_none());
-    }
-
-    #[test]
-    fn what_is_chosen_brings_its_keys() {
-        let ploc = with_initial(Initial::Ploc { radius: NonZeroU32::new(7).unwrap() });
-        assert_eq!((&ploc["initial"], &ploc["radius"]), (&json!("ploc"), &json!(7)));
-        let atrbvh = with_initial(Initial::Atrbvh { treelet: TreeletSize::new(5).unwrap() });
-        assert_eq!((&atrbvh["initial"], &atrbvh["treelet"]), (&json!("atrbvh"), &json!(5)));
-        let file = with_initial(Initial::File { path: "a/tree.bvh".into() });
-        assert_eq!((&file["initial"], &file["path"]), (&json!("file"), &json!("a/tree.bvh")));
-        let limits = Limits::iterations(3).with(|limits| limits.max_time = Some(Duration::from_millis(1500)));
-        let rbvh = written(&Settings::default().with(|settings| {
-            settings.optimizer = Optimizer::Rbvh(RbvhSettings::default().with(|rbvh| rbvh.limits = limits));
-            settings.adaptive = Some(CollapseSettings::default());
-            settings.prbvh = PrbvhSettings::published().with(|prbvh| prbvh.epsilon = Epsilon::Absolute(0.1));
-        }));
-        assert_eq!((&rbvh["optimizer"], &rbvh["rbvh"]["max_time_s"]), (&json!("rbvh"), &json!(1.5)));
-        assert_eq!((&rbvh["epsilon"], &rbvh["epsilon_relative"]), (&json!(0.1), &json!(false)));
-        assert_eq!(rbvh["adaptive"]["sah"]["c_traversal"], 3.0);
-    }
-
-    #[test]
-    fn what_no_setting_can_be_is_refused_on_the_way_in() {
-        let with = |key: &str, value: Value| {
-            let mut settings = written(&Settings::default());
-            settings[key] = value;
-            serde_json::from_value::<Settings>(settings).map_err(|error| error.to_string())
-        };
-        assert!(with("initial", json!("magic")).unwrap_err().contains("magic"));
-        assert!(with("max_time_s", json!(-1.0)).unwrap_err().contains("negative"));
-        assert!(with("mu", json!("nine")).unwrap_err().contains("nine"));
-        assert!(with("mu", json!(4)).is_ok());
-        let atrbvh = json!({ "initial": "atrbvh", "treelet": 99, "optimizer": "none", "epsilon": 0.1, "epsilon_relative": true, "max_iterations": 1 });
-        assert!(serde_json::from_value::<Settings>(atrbvh).unwrap_err().to_string().contains("4 to 32"));
-    }
-}
+mod written_tests;

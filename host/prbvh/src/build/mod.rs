@@ -1,12 +1,18 @@
 //! Initial trees.
 
+mod agglomerative;
 #[cfg(feature = "atrbvh")]
 mod atrbvh;
 mod binned;
+mod clusters;
 mod codes;
+mod cut;
 #[cfg(feature = "files")]
 mod from_file;
+mod kmeans;
 mod lbvh;
+mod links;
+mod morton;
 mod order;
 mod ploc;
 mod sort;
@@ -15,6 +21,8 @@ mod top_down;
 mod treelet;
 mod unfit;
 
+pub use agglomerative::{AacSettings, MOST_AGGLOMERATED, aac, agglomerative};
+pub(crate) use agglomerative::{aac_until, agglomerative_until};
 #[cfg(feature = "atrbvh")]
 #[doc(hidden)]
 pub use atrbvh::restructure_unchecked;
@@ -24,14 +32,19 @@ pub(crate) use binned::binned_until;
 pub use binned::sah_binned;
 pub use codes::MortonBits;
 pub use codes::{CodeCensus, Codes, MOST_COMPARED};
+pub use cut::{HuntSettings, PhrSettings, hunt, phr};
+pub(crate) use cut::{hunt_until, phr_until};
 #[cfg(feature = "files")]
 pub use from_file::{TreeOfFileError, from_file};
+pub(crate) use kmeans::kmeans_until;
+pub use kmeans::{KMeansSettings, kmeans};
 pub use lbvh::lbvh;
 pub use ploc::{DEFAULT_RADIUS, ploc};
 #[cfg(feature = "atrbvh")]
 pub(crate) use sort::kernels as sort_kernels;
 pub use sweep::sah_sweep;
 pub(crate) use sweep::sweep_until;
+pub(crate) use top_down::in_range;
 pub use treelet::{TreeletSize, TreeletSizeError};
 pub use unfit::UnfitTree;
 
