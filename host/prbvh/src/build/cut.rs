@@ -222,15 +222,15 @@ impl Cut<'_> {
         }
     }
 
-    /// The nodes by their centres, equal ones by their number.
+    /// The nodes by their centres; of equal ones, leaves by their references.
     fn sorted(&self, axis: usize) -> Vec<u32> {
         let key = |&v: &u32| {
-            let aabb = self.auxiliary.aabb(v);
-            (aabb.min[axis] + aabb.max[axis], v)
+            let Node { min, max, down, .. } = self.auxiliary.nodes[v as usize];
+            (min[axis] + max[axis], (down, v))
         };
-        let mut keys: Vec<(f32, u32)> = self.nodes.iter().map(key).collect();
+        let mut keys: Vec<(f32, (u32, u32))> = self.nodes.iter().map(key).collect();
         keys.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        keys.into_iter().map(|(_, v)| v).collect()
+        keys.into_iter().map(|(_, (_, v))| v).collect()
     }
 
     /// The best split of the nodes in this order, and its place.

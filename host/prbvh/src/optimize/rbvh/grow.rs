@@ -113,3 +113,58 @@ fn distance(a: &Aabb, b: &Aabb) -> f32 {
     let along = |k: usize| (a.min[k] + a.max[k]) - (b.min[k] + b.max[k]);
     [along(0), along(1), along(2)].map(|d| d * d).iter().sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::search::cost_at;
+    use super::*;
+    use crate::scene::built_in;
+
+    /// A tree over boxes in their order, placed by `place`, which sees the tree, the box and the nodes that are in the tree.
+    fn placed(boxes: &[Aabb], mut place: impl FnMut(&RbvhTree, Aabb, &[u32]) -> u32) -> RbvhTree {
+        let mut tree = RbvhTree::of_two(boxes, (0..boxes.len() as u32).collect());
+        while tree.placed() < tree.internal() {
+            let leaf = tree.internal() + tree.placed() + 1;
+            let nodes: Vec<u32> = (0..tree.placed()).chain(tree.internal()..leaf).collect();
+            let target = place(&tree, boxes[leaf as usize - tree.internal() as usize], &nodes);
+            tree.place(target);
+        }
+        tree
+    }
+
+    fn boxes(count: usize) -> Vec<Aabb> {
+        built_in(count).triangles.iter().map(prbvh_kernel::setup::Triangle::aabb).collect()
+    }
+
+    #[test]
+    fn branch_and_bound_finds_the_cheapest_place_of_all() {
+        let boxes = boxes(400);
+        let mut search = Search::new(boxes.len() as u32);
+        let mut is_better = 0;
+        let tree = placed(&boxes, |tree, aabb, nodes| {
+            let greedy = greedy_place(tree, aabb, 5);
+            let best = search.best_place(tree, aabb, greedy, u32::MAX).target;
+            let least = nodes.iter().map(|&v| cost_at(tree, aabb, v)).fold(f32::INFINITY, f32::min);
+            let cost = cost_at(tree, aabb, best);
+            assert!(cost <= least * (1.0 + 1e-5), "{cost} is not {least}");
+            is_better += usize::from(cost < cost_at(tree, aabb, greedy) * (1.0 - 1e-5));
+            best
+        });
+        // What the greedy way misses is seen here.
+        assert!(is_better > 20, "{is_better}");
+        let sum: f64 = (0..tree.internal()).map(|v| f64::from(tree.node(v).aabb.half_area())).sum();
+        assert!((sum - tree.internal_area()).abs() < 1e-4 * sum);
+    }
+
+    #[test]
+    fn a_search_that_is_cut_short_is_no_worse_than_the_greedy_way() {
+        let boxes = boxes(600);
+        let mut search = Search::new(boxes.len() as u32);
+        placed(&boxes, |tree, aabb, _| {
+            let greedy = greedy_place(tree, aabb, 7);
+            let place = search.best_place(tree, aabb, greedy, 3);
+            assert!(place.steps <= 3 && place.cost <= cost_at(tree, aabb, greedy) * (1.0 + 1e-5));
+            place.target
+        });
+    }
+}
