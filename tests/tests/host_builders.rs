@@ -373,7 +373,7 @@ fn the_exact_agglomeration_of_too_many_is_refused() {
     let triangles = vec![soup(1, 0.3, 2)[0]; MOST_AGGLOMERATED + 1];
     let scene = Scene::from_triangles("many", triangles).unwrap();
     let mut settings = Settings::default().with(|s| s.initial = Initial::Agglomerative);
-    let mut run = |settings: &Settings| {
+    let run = |settings: &Settings| {
         let mut device = CpuDevice::new(1).unwrap();
         optimize(&scene, &mut device, settings, &mut |_| ControlFlow::Continue(())).map_err(|error| error.to_string())
     };

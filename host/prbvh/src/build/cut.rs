@@ -179,7 +179,7 @@ struct Cut<'a> {
 }
 
 impl Cut<'_> {
-    /// Opens nodes: the largest first, of equal ones that with the smaller number.
+    /// Opens nodes: the largest first, of equal ones that with more references, then that with the smaller number.
     fn refine(&mut self) {
         let (most, above) = match self.rule {
             Rule::Constant(most) => (most, f64::NEG_INFINITY),
@@ -191,22 +191,22 @@ impl Cut<'_> {
         let auxiliary = self.auxiliary;
         let mut large = BinaryHeap::new();
         let mut kept = Vec::with_capacity(self.nodes.len());
-        let sort = |v: u32, large: &mut BinaryHeap<(u32, u32)>, kept: &mut Vec<u32>| {
+        let sort = |v: u32, large: &mut BinaryHeap<(u32, u32, u32)>, kept: &mut Vec<u32>| {
             let area = auxiliary.aabb(v).half_area();
             if auxiliary.children(v).is_some() && f64::from(area) > above {
                 // No area is negative, and floats of one sign order like their bits.
-                large.push((area.abs().to_bits(), !v));
+                large.push((area.abs().to_bits(), auxiliary.counts[v as usize], !v));
             } else {
                 kept.push(v);
             }
         };
         self.nodes.drain(..).for_each(|v| sort(v, &mut large, &mut kept));
         while kept.len() + large.len() < most
-            && let Some((_, v)) = large.pop()
+            && let Some((_, _, v)) = large.pop()
         {
             auxiliary.children(!v).into_iter().flatten().for_each(|child| sort(child, &mut large, &mut kept));
         }
-        kept.extend(large.into_iter().map(|(_, v)| !v));
+        kept.extend(large.into_iter().map(|(_, _, v)| !v));
         if let [only] = kept[..]
             && let Some(children) = auxiliary.children(only)
         {
