@@ -8,7 +8,7 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 const DESK: View = View { width: 1280, height: 900, dark: false };
-const FIGURES: usize = 7;
+const FIGURES: usize = 8;
 const PICTURES: usize = 3;
 const LIBRARY: &str = include_str!("../../host/lab/vendor/echarts/echarts.common.min.js");
 

@@ -3,11 +3,13 @@
 //! Work of the host runs on the threads of the device if that is a CPU, else on those of the current rayon pool ([`Device::run_on_host`]).
 
 mod hand_out;
+mod host_tree;
 mod initial;
 mod on_host;
 mod tree;
 
 pub use crate::settings::{FeatureOff, GivenTree, Initial, Optimizer, SettingError, Settings};
+pub use host_tree::build_on_host;
 pub use tree::{Leaves, OptimizedTree, optimize_tree};
 
 use hand_out::{bounded, hand_out, hand_out_collapsed, upload_whole};

@@ -1,11 +1,16 @@
 //! What a run is asked for: initial tree, optimiser, leaves.
 
+mod named;
+
+use crate::build::{AacSettings, HuntSettings, KMeansSettings, PhrSettings};
 use crate::build::{Bins, MortonBits, TreeletSize};
 use crate::bvh::{Bvh, MaxDepth};
 pub use crate::check::{FeatureOff, SettingError};
 use crate::collapse::CollapseSettings;
 pub use crate::given::GivenTree;
+use crate::optimize::{InsertionSettings, OnlineSettings};
 use crate::optimize::{IterationRow, Limits, PrbvhSettings, RbvhSettings, RotationSettings, WorstFirst};
+pub use crate::parameters::ParameterError;
 use std::fmt;
 use std::num::NonZeroU32;
 #[cfg(feature = "files")]
@@ -25,7 +30,7 @@ impl From<Bvh> for Initial {
 }
 
 /// Where the initial tree comes from.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(
     feature = "serde",
     derive(serde::Serialize, serde::Deserialize),
@@ -63,6 +68,40 @@ pub enum Initial {
         /// Bins of an axis.
         #[cfg_attr(feature = "serde", serde(default))]
         bins: Bins,
+    },
+    /// Exact agglomerative clustering (Walter et al. 2008), on one thread of the CPU; of up to [`MOST_AGGLOMERATED`](crate::build::MOST_AGGLOMERATED)
+    /// references.
+    Agglomerative,
+    /// Approximate agglomerative clustering (Gu et al. 2013), on the CPU.
+    Aac {
+        /// Its settings.
+        aac: AacSettings,
+    },
+    /// k-means (Meister & Bittner 2016), on the CPU.
+    #[cfg_attr(feature = "serde", serde(rename = "kmeans"))]
+    KMeans {
+        /// Its settings.
+        kmeans: KMeansSettings,
+    },
+    /// Insertion (Goldsmith & Salmon 1987, and with branch and bound), on one thread of the CPU.
+    Insertion {
+        /// Its settings.
+        insertion: InsertionSettings,
+    },
+    /// Online construction (Bittner, Hapala & Havran 2015), on one thread of the CPU.
+    Online {
+        /// Its settings.
+        online: OnlineSettings,
+    },
+    /// Sweeps over cuts of a constant size (Hunt, Mark & Fussell 2007), on the CPU.
+    Hunt {
+        /// Its settings.
+        hunt: HuntSettings,
+    },
+    /// Progressive hierarchical refinement (Hendrich, Meister & Bittner 2017), on the CPU.
+    Phr {
+        /// Its settings.
+        phr: PhrSettings,
     },
     /// A tree over the same scene that is in memory, from [`Initial::from`]. Leaves may hold any number of primitives, and a primitive may be in several
     /// leaves (spatial splits). Each primitive of a leaf becomes a leaf of its own; [`Settings::adaptive`] makes larger ones again.
@@ -116,7 +155,8 @@ impl Initial {
     }
 }
 
-/// As on the command line: `lbvh`, `ploc`, `atrbvh`, `trbvh`, `hploc`, `sah-sweep`, `sah-binned`, or the path of the file; `tree` if it is in memory.
+/// As on the command line: `lbvh`, `ploc`, `atrbvh`, `trbvh`, `hploc`, `sah-sweep`, `sah-binned`, a name of [`Initial::of_name`], or the path of the file; `tree`
+/// if it is in memory.
 impl fmt::Display for Initial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -127,6 +167,13 @@ impl fmt::Display for Initial {
             Self::Hploc { .. } => f.write_str("hploc"),
             Self::SahSweep => f.write_str("sah-sweep"),
             Self::SahBinned { .. } => f.write_str("sah-binned"),
+            Self::Agglomerative => f.write_str("agglomerative"),
+            Self::Aac { aac } => named::write(f, "aac", aac),
+            Self::KMeans { kmeans } => named::write(f, "kmeans", kmeans),
+            Self::Insertion { insertion } => named::write(f, "insertion", insertion),
+            Self::Online { online } => named::write(f, "online", online),
+            Self::Hunt { hunt } => named::write(f, "hunt", hunt),
+            Self::Phr { phr } => named::write(f, "phr", phr),
             Self::Tree(_) => f.write_str("tree"),
             #[cfg(feature = "files")]
             Self::File { path } => path.display().fmt(f),
@@ -214,6 +261,7 @@ impl Settings {
     /// # Errors
     /// The first field whose value makes no sense.
     pub fn check(&self) -> Result<(), SettingError> {
+        self.initial.check_parameters()?;
         self.prbvh.check()?;
         match &self.optimizer {
             Optimizer::Rbvh(settings) => settings.check()?,
@@ -258,6 +306,7 @@ macro_rules! with {
 }
 
 with!(Settings, PrbvhSettings, WorstFirst, RbvhSettings, RotationSettings, Limits, CollapseSettings, IterationRow);
+with!(AacSettings, KMeansSettings, InsertionSettings, OnlineSettings, HuntSettings, PhrSettings);
 #[cfg(feature = "files")]
 with!(crate::scene::LoadOptions);
 

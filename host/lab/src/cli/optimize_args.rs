@@ -23,7 +23,9 @@ use std::time::Duration;
 pub(super) struct OptimizeArgs {
     #[command(flatten)]
     pub(super) scenes: ScenesArgs,
-    /// Where the initial tree comes from: lbvh, ploc, atrbvh, trbvh, hploc, sah-sweep, sah-binned, or a tree.bvh over the same scene.
+    /// Where the initial tree comes from: lbvh, ploc, atrbvh, trbvh, hploc, sah-sweep, sah-binned, agglomerative, aac[:fast|:hq],
+    /// kmeans[:q1 to :q5], insertion[:greedy], online, hunt, phr[:fast|:hq], or a tree.bvh over the same scene. Parameters
+    /// may stand in place of a preset: aac:delta=8,epsilon=0.15, kmeans:k=16,p=5,i=5,seed=1, hunt:cut=50.
     #[arg(long, default_value = "lbvh", value_name = "BUILDER|FILE.bvh", value_parser = OsStringValueParser::new().try_map(initial))]
     pub(super) initial: Initial,
     /// Places in the list that a cluster of ploc or hploc looks to either side [default: 16; hploc: 8].
@@ -199,6 +201,9 @@ pub(super) enum MortonBitsArg {
 }
 
 fn initial(text: OsString) -> Result<Initial, String> {
+    if let Some(named) = text.to_str().and_then(Initial::of_name) {
+        return named.map_err(|error| error.to_string());
+    }
     match text.to_str() {
         Some("lbvh") => Ok(Initial::Lbvh),
         Some("ploc") => Ok(Initial::Ploc { radius: DEFAULT_RADIUS }),
@@ -210,8 +215,10 @@ fn initial(text: OsString) -> Result<Initial, String> {
         _ if Path::new(&text).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("bvh")) => {
             Ok(Initial::File { path: text.into() })
         }
-        _ => Err("neither lbvh, ploc, atrbvh, trbvh, hploc, sah-sweep, sah-binned nor a tree file that ends in .bvh"
-            .to_owned()),
+        _ => Err(format!(
+            "neither lbvh, ploc, atrbvh, trbvh, hploc, sah-sweep, sah-binned, {} nor a tree file that ends in .bvh",
+            Initial::NAMES
+        )),
     }
 }
 
@@ -260,7 +267,18 @@ mod tests {
         assert_eq!(initial("--initial sah-binned"), binned(32));
         assert_eq!(initial("--initial sah-binned --bins 8"), binned(8));
         assert_eq!(initial("--initial out/tree.BVH"), Ok(Initial::File { path: "out/tree.BVH".into() }));
-        for name in ["lbvh", "ploc", "hploc", "sah-sweep", "sah-binned", "a.bvh"] {
+        for name in [
+            "lbvh",
+            "ploc",
+            "hploc",
+            "sah-sweep",
+            "sah-binned",
+            "agglomerative",
+            "aac:fast",
+            "kmeans:q2",
+            "hunt:cut=9",
+            "a.bvh",
+        ] {
             let arguments = format!("--initial {name}");
             assert_eq!(initial(&arguments).unwrap().to_string(), name);
         }
@@ -270,6 +288,8 @@ mod tests {
     fn what_is_no_initial_tree_is_refused() {
         for (arguments, part) in [
             ("--initial sbvh", "sah-binned"),
+            ("--initial aak", "agglomerative, aac, kmeans"),
+            ("--initial aac:delta=0", "aac.delta is 0, but must be 2 to 65536"),
             ("--initial tree.obj", "ends in .bvh"),
             ("--initial ploc --radius 0", "0 is not in 1.."),
             ("--initial ploc --radius many", "many"),

@@ -1,25 +1,12 @@
 //! The runs that only the figures show.
 
-use super::methods::{Builder, Job, published, worst_first};
+use super::methods::{Builder, Job, published, starts, worst_first};
 use super::{OptimizerRun, Purpose};
-use prbvh::build::{DEFAULT_HPLOC_RADIUS, DEFAULT_RADIUS};
-#[cfg(feature = "atrbvh")]
-use prbvh::build::{DEFAULT_PASSES, TreeletSize};
 use prbvh::optimize::{PrbvhSettings, Strategy};
-use prbvh::pipeline::{Initial, Settings};
+use prbvh::pipeline::Settings;
 
 /// Influence of µ (Meister & Bittner 2018, figure 6, up to 32).
 const MU: [u32; 9] = [1, 2, 4, 6, 9, 12, 16, 24, 32];
-
-/// Initial trees beside LBVH: whoever adds a builder adds a row here.
-const INITIAL: &[Initial] = &[
-    Initial::Ploc { radius: DEFAULT_RADIUS },
-    #[cfg(feature = "atrbvh")]
-    Initial::Atrbvh { treelet: TreeletSize::DEFAULT },
-    #[cfg(feature = "atrbvh")]
-    Initial::Trbvh { passes: DEFAULT_PASSES },
-    Initial::Hploc { radius: DEFAULT_HPLOC_RADIUS },
-];
 
 /// Strategies beside the aggressive one: whoever adds one adds a row here.
 const STRATEGIES: [Strategy; 1] = [Strategy::Conservative];
@@ -33,8 +20,8 @@ pub(super) fn jobs(table: &[Job]) -> Vec<(Purpose, Job)> {
         let settings = Settings::default().with(|s| s.prbvh = optimizer);
         (Purpose::Strategy, published(settings, default))
     });
-    let initial = INITIAL.iter().map(|initial| {
-        let settings = Settings::default().with(|s| s.initial = initial.clone());
+    let initial = starts().map(|initial| {
+        let settings = Settings::default().with(|s| s.initial = initial);
         (Purpose::Initial, worst_first(settings))
     });
     let is_in_table =

@@ -4,13 +4,13 @@ use super::MethodError;
 use super::peers;
 use crate::presets::{self, Candidate};
 use prbvh::build;
-use prbvh::build::{DEFAULT_HPLOC_RADIUS, MortonBits};
+use prbvh::build::{Bins, DEFAULT_HPLOC_RADIUS, DEFAULT_RADIUS, MortonBits};
 #[cfg(feature = "atrbvh")]
 use prbvh::build::{DEFAULT_PASSES, TreeletSize};
 use prbvh::device::DeviceError;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::optimize::{self, IterationRow, Order, RbvhSettings, RotationSettings, StopReason};
-use prbvh::pipeline::{Initial, Optimizer, Settings};
+use prbvh::pipeline::{Initial, Optimizer, PipelineError, Settings, build_on_host};
 use prbvh::stop::Stop;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
@@ -75,6 +75,13 @@ impl Default for MethodSettings {
 
 /// Radius of PLOC in the paper's comparison.
 pub const PAPER_RADIUS: NonZeroU32 = NonZeroU32::new(100).expect("not 0");
+
+/// A row of a builder with parameters, by [`Initial::of_name`].
+macro_rules! on_host {
+    ($name:literal) => {
+        host($name, |triangles, stop| named($name, triangles, stop))
+    };
+}
 
 /// A name of `--methods`, and its rows.
 struct Entry {
@@ -141,12 +148,71 @@ const METHODS: &[Entry] = &[
         is_default: true,
         jobs: |_| vec![host("sah-binned", |triangles, _| builder(build::sah_binned(triangles)))],
     },
+    Entry { name: "agglomerative", is_default: false, jobs: |_| vec![on_host!("agglomerative")] },
+    Entry { name: "aac", is_default: true, jobs: |_| vec![on_host!("aac:fast"), on_host!("aac:hq")] },
+    Entry {
+        name: "kmeans",
+        is_default: true,
+        jobs: |_| {
+            vec![
+                on_host!("kmeans:q1"),
+                on_host!("kmeans:q2"),
+                on_host!("kmeans:q3"),
+                on_host!("kmeans:q4"),
+                on_host!("kmeans:q5"),
+            ]
+        },
+    },
+    Entry { name: "insertion", is_default: true, jobs: |_| vec![on_host!("insertion:greedy"), on_host!("insertion")] },
+    Entry { name: "online", is_default: true, jobs: |_| vec![on_host!("online")] },
+    Entry { name: "hunt", is_default: true, jobs: |_| vec![on_host!("hunt:cut=50"), on_host!("hunt")] },
+    Entry { name: "phr", is_default: true, jobs: |_| vec![on_host!("phr:fast"), on_host!("phr:hq")] },
+    Entry {
+        name: "sah-sweep+prbvh",
+        is_default: true,
+        jobs: |_| vec![starting_from(Initial::SahSweep), starting_from(Initial::SahBinned { bins: Bins::DEFAULT })],
+    },
+    Entry { name: "starts", is_default: false, jobs: |_| starts().map(starting_from).collect() },
     Entry {
         name: "candidates",
         is_default: false,
         jobs: |_| presets::CANDIDATES.iter().filter_map(candidate).collect(),
     },
 ];
+
+/// Initial trees beside LBVH that the optimiser is started from, for the figure of them and for the methods `starts`: whoever adds a builder adds a row here.
+/// One whose time grows with the square of the triangles is not among them.
+pub(super) fn starts() -> impl Iterator<Item = Initial> {
+    let own = [
+        Some(Initial::Ploc { radius: DEFAULT_RADIUS }),
+        #[cfg(feature = "atrbvh")]
+        Some(Initial::Atrbvh { treelet: TreeletSize::DEFAULT }),
+        #[cfg(feature = "atrbvh")]
+        Some(Initial::Trbvh { passes: DEFAULT_PASSES }),
+        Some(Initial::Hploc { radius: DEFAULT_HPLOC_RADIUS }),
+        Some(Initial::SahSweep),
+        Some(Initial::SahBinned { bins: Bins::DEFAULT }),
+    ];
+    let named = [
+        "aac:fast",
+        "aac:hq",
+        "kmeans:q1",
+        "kmeans:q5",
+        "insertion:greedy",
+        "insertion",
+        "online",
+        "hunt",
+        "phr:fast",
+        "phr:hq",
+    ];
+    own.into_iter().flatten().chain(named.into_iter().filter_map(|name| Initial::of_name(name)?.ok()))
+}
+
+/// PRBVH, the worst nodes first, from another tree than LBVH.
+fn starting_from(initial: Initial) -> Job {
+    let method = format!("prbvh from {initial}");
+    Job { method, ..worst_first(Settings::default().with(|s| s.initial = initial)) }
+}
 
 fn initial(method: String, initial: Initial) -> Job {
     let settings = Settings::default().with(|s| {
@@ -198,6 +264,12 @@ fn host(method: &str, build: HostBuilder) -> Job {
 
 fn builder(nodes: Vec<Node>) -> Result<HostBuilt, MethodError> {
     Ok(HostBuilt { nodes, optimizer: None })
+}
+
+fn named(name: &str, triangles: &[Triangle], stop: &Stop) -> Result<HostBuilt, MethodError> {
+    let initial = Initial::of_name(name).expect("a name of a row").expect("parameters of a row");
+    let nodes = build_on_host(&initial, triangles, Some(stop)).map_err(PipelineError::from)?;
+    builder(nodes.ok_or(DeviceError::Stopped)?)
 }
 
 fn rbvh(method: &str, build: HostBuilder) -> Job {
@@ -301,9 +373,27 @@ mod tests {
     }
 
     #[test]
+    fn every_row_of_a_builder_builds() {
+        let triangles = prbvh::scene::built_in(200).triangles;
+        let mut builders = 0;
+        for job in jobs(&method_names().into_iter().map(str::to_owned).collect::<Vec<_>>(), &MethodSettings::default())
+            .unwrap()
+        {
+            if let Builder::Host { build, .. } = job.builder {
+                assert_eq!(build(&triangles, &Stop::default()).unwrap().nodes.len(), 399, "{}", job.method);
+                builders += 1;
+            }
+        }
+        assert!(builders > 15);
+        let starts: Vec<String> = starts().map(|initial| initial.to_string()).collect();
+        assert!(starts.iter().any(|name| name == "kmeans:q5") && starts.len() >= 13, "{starts:?}");
+    }
+
+    #[test]
     fn an_unknown_name_is_refused_with_the_known_ones() {
         let error = methods(&["lbvh", "magic"]).unwrap_err().to_string();
-        for part in ["`magic`", "ploc, rbvh, rotations, prbvh, worst-first, sah-sweep, sah-binned"] {
+        for part in ["`magic`", "ploc, rbvh, rotations, prbvh, worst-first, sah-sweep, sah-binned, agglomerative, aac"]
+        {
             assert!(error.contains(part), "{error}");
         }
     }

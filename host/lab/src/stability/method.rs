@@ -25,6 +25,11 @@ impl Method {
         Self { optimizes: false, ..Self::prbvh(name, initial, none) }
     }
 
+    /// A builder by [`Initial::of_name`].
+    fn named(name: &'static str) -> Self {
+        Self::builder(name, Initial::of_name(name).expect("a builder").expect("its parameters"))
+    }
+
     fn published(name: &'static str, initial: Initial, mu: u32) -> Self {
         Self::prbvh(name, initial, PrbvhSettings::published().with(|s| s.mu = mu))
     }
@@ -95,6 +100,14 @@ pub fn methods() -> Vec<Method> {
         Method::builder("ploc", ploc()),
         Method::builder("sah-sweep", Initial::SahSweep),
         Method::builder("sah-binned", Initial::SahBinned { bins: Bins::DEFAULT }),
+        Method::named("agglomerative"),
+        Method::named("aac:fast"),
+        Method::named("kmeans:q2"),
+        Method::named("insertion:greedy"),
+        Method::named("insertion"),
+        Method::named("online"),
+        Method::named("hunt"),
+        Method::named("phr:fast"),
         Method::worst_first("worst-first", Initial::Lbvh),
         Method::published("prbvh-9", Initial::Lbvh, 9),
         Method::published("prbvh-1", Initial::Lbvh, 1),

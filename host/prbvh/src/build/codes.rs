@@ -146,7 +146,7 @@ fn passes_saved(differing: [u32; 2]) -> usize {
 }
 
 /// Upper and lower words.
-fn codes(working: &[Triangle], params: &MortonParams) -> Vec<[u32; 2]> {
+pub(super) fn codes(working: &[Triangle], params: &MortonParams) -> Vec<[u32; 2]> {
     let code = |triangle: &Triangle| {
         let (mut high, mut low, mut order) = ([0], [0], [0]);
         let slots = [&mut high, &mut low, &mut order].map(|word| Slot::from_mut_slice(word));

@@ -1,14 +1,20 @@
 //! Initial trees.
 
+mod agglomerative;
 #[cfg(feature = "atrbvh")]
 mod atrbvh;
 mod binned;
 mod bins;
+mod clusters;
 mod codes;
+mod cut;
 #[cfg(feature = "files")]
 mod from_file;
 mod hploc;
+mod kmeans;
 mod lbvh;
+mod links;
+mod morton;
 mod order;
 mod ploc;
 mod sort;
@@ -21,6 +27,8 @@ mod treelet;
 mod treelets;
 mod unfit;
 
+pub use agglomerative::{AacSettings, MOST_AGGLOMERATED, aac, agglomerative};
+pub(crate) use agglomerative::{aac_until, agglomerative_until};
 #[cfg(feature = "atrbvh")]
 #[doc(hidden)]
 pub use atrbvh::restructure_unchecked;
@@ -31,15 +39,20 @@ pub use binned::{sah_binned, sah_binned_by};
 pub use bins::{Bins, BinsError};
 pub use codes::MortonBits;
 pub use codes::{CodeCensus, Codes, MOST_COMPARED};
+pub use cut::{HuntSettings, PhrSettings, hunt, phr};
+pub(crate) use cut::{hunt_until, phr_until};
 #[cfg(feature = "files")]
 pub use from_file::{TreeOfFileError, from_file};
 pub use hploc::{DEFAULT_HPLOC_RADIUS, hploc};
+pub(crate) use kmeans::kmeans_until;
+pub use kmeans::{KMeansSettings, kmeans};
 pub use lbvh::lbvh;
 pub use ploc::{DEFAULT_RADIUS, ploc};
 #[cfg(feature = "atrbvh")]
 pub(crate) use sort::kernels as sort_kernels;
 pub use sweep::sah_sweep;
 pub(crate) use sweep::sweep_until;
+pub(crate) use top_down::in_range;
 #[cfg(feature = "atrbvh")]
 #[doc(hidden)]
 pub use trbvh::restructure_optimally_unchecked;

@@ -25,7 +25,7 @@ pub(super) const SERIAL: usize = 4096;
 const MOST_FORKS: u32 = 48;
 
 /// The triangles as they are split: scaled where areas could not be relied on otherwise.
-pub(super) fn in_range(triangles: &[Triangle]) -> Cow<'_, [Triangle]> {
+pub(crate) fn in_range(triangles: &[Triangle]) -> Cow<'_, [Triangle]> {
     let all = triangles.par_iter().map(Triangle::aabb).reduce(|| Aabb::EMPTY, Aabb::union);
     match SafeRange::check(&all) {
         Ok(()) => Cow::Borrowed(triangles),

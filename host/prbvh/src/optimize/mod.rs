@@ -1,9 +1,11 @@
-//! The optimisers: rounds of PRBVH until nothing is gained, and sequential RBVH to compare with; the best tree is kept.
+//! The optimisers: rounds of PRBVH until nothing is gained, and sequential RBVH to compare with; the best tree is kept. And the builders that are made of
+//! RBVH's moves.
 
 mod areas;
 mod check;
 mod current;
 mod error;
+mod insertion;
 mod ledger;
 mod limits;
 mod lists;
@@ -27,6 +29,8 @@ pub use areas::measure_unchecked;
 pub use areas::{TreeAreas, measure};
 pub use current::{CurrentTree, DualRound};
 pub use error::OptimizeError;
+pub use insertion::{InsertionSettings, OnlineSettings, insertion, online};
+pub(crate) use insertion::{insertion_until, online_until};
 pub use limits::{Limits, StopReason};
 pub use moves::Strategy;
 #[doc(hidden)]

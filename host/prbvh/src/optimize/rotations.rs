@@ -120,7 +120,6 @@ pub(super) fn record_rotations(
 #[derive(Debug)]
 struct Pass {
     nodes: Buffer,
-    references: u32,
     kept: Buffer,
     report: Buffer,
 }
@@ -136,7 +135,6 @@ impl Pass {
         let length = if keeps { tree.references as usize - 1 } else { 1 };
         Ok(Self {
             nodes: tree.nodes.clone(),
-            references: tree.references,
             kept: scratch.allocate(device, "best tree", length.max(1), size_of::<Kept>())?,
             report: scratch.allocate(device, "report", REPORT_WORDS as usize, 4)?,
         })

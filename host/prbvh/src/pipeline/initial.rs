@@ -1,6 +1,7 @@
 //! The tree that a run starts from.
 
 use super::PipelineError;
+use super::host_tree::build_on_host;
 use crate::build::{self, Codes, DeviceTree};
 use crate::device::{Device, DeviceError, Timing, on_host};
 use crate::references::References;
@@ -33,7 +34,6 @@ pub(super) fn initial_tree(
 ) -> Result<(DeviceTree, Vec<Timing>), PipelineError> {
     let start = Instant::now();
     let stop = settings.limits().stop.as_ref();
-    let until = |nodes: Option<Vec<Node>>| nodes.ok_or(DeviceError::Stopped);
     let (label, nodes): (_, Vec<Node>) = match &settings.initial {
         Initial::Lbvh => return Ok(build::lbvh(device, working, codes)?),
         Initial::Ploc { radius } => {
@@ -55,9 +55,17 @@ pub(super) fn initial_tree(
         #[cfg(not(feature = "atrbvh"))]
         Initial::Trbvh { .. } => return Err(FeatureOff { method: "trbvh", feature: "atrbvh" }.into()),
         Initial::Hploc { radius } => return Ok(build::hploc(device, working, codes, *radius)?),
-        Initial::SahSweep => ("sah sweep", until(on_host(device, || build::sweep_until(&working, stop)))?),
-        Initial::SahBinned { bins } => {
-            ("sah binned", until(on_host(device, || build::binned_until(&working, *bins, stop)))?)
+        Initial::SahSweep
+        | Initial::SahBinned { .. }
+        | Initial::Agglomerative
+        | Initial::Aac { .. }
+        | Initial::KMeans { .. }
+        | Initial::Insertion { .. }
+        | Initial::Online { .. }
+        | Initial::Hunt { .. }
+        | Initial::Phr { .. } => {
+            let built = on_host(device, || build_on_host(&settings.initial, &working, stop))?;
+            ("build on the host", built.ok_or(DeviceError::Stopped)?)
         }
         Initial::Tree(_) => {
             let tree = given.map(|given| given.tree.clone()).ok_or(DeviceError::Stopped)?;

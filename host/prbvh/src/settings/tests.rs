@@ -27,6 +27,13 @@ fn what_is_usual_is_good() {
 }
 
 #[test]
+fn a_builder_whose_parameters_make_no_sense_is_refused() {
+    let hunt = HuntSettings { cut: 0 };
+    let settings = Settings::default().with(|settings| settings.initial = Initial::Hunt { hunt });
+    assert_eq!(settings.check().unwrap_err().to_string(), "hunt.cut is 0, but must be 2 to 65536");
+}
+
+#[test]
 fn each_bad_value_is_told_with_its_field() {
     let prbvh = |change: &dyn Fn(&mut PrbvhSettings)| {
         let mut settings = PrbvhSettings::default();

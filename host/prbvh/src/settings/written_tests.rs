@@ -64,6 +64,18 @@ fn what_is_chosen_brings_its_keys() {
     assert!(rotations["rotations"]["max_iterations"] == 1000 && rotations.get("rbvh").is_none());
     let file = with_initial(Initial::File { path: "a/tree.bvh".into() });
     assert_eq!((&file["initial"], &file["path"]), (&json!("file"), &json!("a/tree.bvh")));
+    for (name, settings) in [
+        ("aac", json!({ "delta": 4, "epsilon": 0.2 })),
+        ("kmeans", json!({ "k": 16, "p": 5, "i": 5, "seed": 1 })),
+        ("insertion", json!({ "most_steps": 1024, "seed": 1 })),
+        ("online", json!({ "batch": 0.25, "worst": 0.05, "most_steps": 1024, "seed": 1 })),
+        ("hunt", json!({ "cut": 500 })),
+        ("phr", json!({ "alpha": 0.55, "delta": 9.0 })),
+    ] {
+        let text = if name == "aac" { "aac:fast" } else { name };
+        let built = with_initial(Initial::of_name(text).unwrap().unwrap());
+        assert_eq!((&built["initial"], &built[name]), (&json!(name), &settings));
+    }
     let limits = Limits::iterations(3).with(|limits| limits.max_time = Some(Duration::from_millis(1500)));
     let rbvh = written(&Settings::default().with(|settings| {
         settings.optimizer = Optimizer::Rbvh(RbvhSettings::default().with(|rbvh| rbvh.limits = limits));

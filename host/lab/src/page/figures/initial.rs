@@ -4,9 +4,14 @@ use super::figure::Figure;
 use super::runs;
 use crate::compare::{OptimizerRun, Purpose, SceneComparison};
 
-pub(super) fn figure(scene: &SceneComparison) -> Option<Figure> {
+/// The same optimisation from several trees.
+pub(super) fn runs(scene: &SceneComparison) -> Vec<&OptimizerRun> {
     let same = |run: &OptimizerRun| (run.strategy.clone(), run.mu, run.device.clone());
-    let runs = runs::counterparts(scene, Purpose::Initial, same, |run| run.initial.clone()).unwrap_or_default();
+    runs::counterparts(scene, Purpose::Initial, same, |run| run.initial.clone()).unwrap_or_default()
+}
+
+pub(super) fn figure(scene: &SceneComparison) -> Option<Figure> {
+    let runs = runs(scene);
     let several_mu = runs.windows(2).any(|pair| pair[0].mu != pair[1].mu);
     let names = runs::names(&runs, |run| runs::method(&format!("from {}", run.initial), several_mu.then_some(run.mu)));
     let figure = Figure {

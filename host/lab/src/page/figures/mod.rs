@@ -12,6 +12,7 @@ mod mu;
 mod overview;
 mod reinsertions;
 mod runs;
+mod starts;
 mod strategy;
 mod style;
 mod svg;
@@ -33,6 +34,7 @@ pub fn scene_figures(scene: &SceneComparison) -> Vec<Figure> {
         mu::figure(scene),
         strategy::figure(scene),
         initial::figure(scene),
+        starts::figure(scene),
         reinsertions::figure(scene),
         kernels::figure(scene),
     ];

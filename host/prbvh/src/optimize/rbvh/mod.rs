@@ -5,6 +5,8 @@
 //! removes each together with its parent, and inserts its two children again, the larger one first, where branch and bound finds that
 //! they add the least area. The best tree is kept.
 
+mod batch;
+mod grow;
 mod rows;
 mod schedule;
 mod search;
@@ -13,6 +15,7 @@ mod select;
 mod tests;
 mod tree;
 
+pub(super) use grow::{Between, Way, grown};
 pub use tree::RbvhTree;
 
 use super::TreeAreas;
@@ -21,6 +24,7 @@ use crate::build::UnfitTree;
 use crate::bvh::Bvh;
 use crate::device::Timing;
 use crate::scene::SafeRange;
+use batch::reinsert;
 use prbvh_kernel::node::Node;
 use rows::Rows;
 use schedule::{Schedule, Source};
@@ -173,48 +177,12 @@ impl Run {
         }
         let picked = Instant::now();
         self.timings.push(Timing { label: "select", seconds: (picked - start).as_secs_f64() });
-        let found = self.selection.batch.len();
-        let mut row = IterationRow { iteration, found: found as u32, ..IterationRow::default() };
-        for k in 0..found {
-            if settings.limits.is_stopped() {
-                break;
-            }
-            let v = self.selection.batch[k];
-            if self.selection.is_due(&self.tree, v) {
-                let mark = self.tree.begin();
-                let steps = self.reinsert(v);
-                let is_better = self.tree.internal_area() < mark.internal_area * (1.0 - NOISE);
-                if settings.undo && !is_better {
-                    self.tree.undo(mark);
-                }
-                row.owned += 1;
-                row.applied += u32::from(is_better);
-                row.most_steps = row.most_steps.max(steps);
-            }
-        }
+        let mut row = IterationRow { iteration, ..IterationRow::default() };
+        let is_stopped = || settings.limits.is_stopped();
+        reinsert(&mut self.tree, (&mut self.selection, &mut self.search), settings.undo, &is_stopped, &mut row);
         self.timings.push(Timing { label: "reinsert", seconds: picked.elapsed().as_secs_f64() });
         row.time_s = self.seconds();
         row.cost = self.cost();
         row
     }
-
-    /// Removes a node with a grandparent and inserts its children again. Returns the steps of the longer search.
-    fn reinsert(&mut self, v: u32) -> u32 {
-        let mut removed = self.tree.remove(v);
-        self.selection.recycled(removed.slots);
-        let area = |v: u32| self.tree.node(v).aabb.half_area();
-        if area(removed.children[0]) < area(removed.children[1]) {
-            removed.children.swap(0, 1);
-        }
-        let mut most_steps = 0;
-        for (node, slot) in removed.children.into_iter().zip(removed.slots) {
-            let place = self.search.best_place(&self.tree, self.tree.node(node).aabb, removed.sibling);
-            self.tree.insert(node, place.target, slot);
-            most_steps = most_steps.max(place.steps);
-        }
-        most_steps
-    }
 }
-
-/// A relative change of the sum of areas that rounding alone may make.
-const NOISE: f64 = 1e-14;

@@ -33,8 +33,9 @@ impl Search {
     /// The place in the tree where a subtree with the box `aabb` adds the least area. `hint` is a node of the tree: the nearer to the
     /// best one, the shorter the queue. The subtree is not in the tree.
     ///
-    /// A node is queued at most once, so the search ends whatever the boxes are.
-    pub(super) fn best_place(&mut self, tree: &RbvhTree, aabb: Aabb, hint: u32) -> Place {
+    /// A node is queued at most once, so the search ends whatever the boxes are; and it ends, with the best so far, when the children of `most_steps`
+    /// nodes were looked at.
+    pub(super) fn best_place(&mut self, tree: &RbvhTree, aabb: Aabb, hint: u32, most_steps: u32) -> Place {
         let area = aabb.half_area();
         let internal = tree.internal();
         self.queue.clear();
@@ -57,7 +58,7 @@ impl Search {
         look_at(ROOT, 0.0, &mut best, &mut self.queue);
         while let Some(Reverse(key)) = self.queue.pop() {
             let induced = f32::from_bits((key >> 32) as u32);
-            if induced + area >= best.cost {
+            if induced + area >= best.cost || best.steps >= most_steps {
                 break;
             }
             best.steps += 1;

@@ -2,6 +2,7 @@
 
 use super::tree::RbvhTree;
 use crate::bvh::ROOT;
+use crate::random::Random;
 
 /// A child of less area, as a part of the node's, counts as this: it may have none at all.
 const SMALLEST_PART: f32 = 1e-6;
@@ -21,7 +22,7 @@ pub(super) struct Selection {
     /// An inefficiency that the next batch's nodes most likely have: saves most keys.
     floor: f32,
     part: f64,
-    random: u64,
+    random: Random,
 }
 
 impl Selection {
@@ -33,7 +34,7 @@ impl Selection {
             keys: Vec::with_capacity(internal),
             floor: 0.0,
             part,
-            random: seed,
+            random: Random::new(seed),
         }
     }
 
@@ -58,7 +59,7 @@ impl Selection {
     fn collect(&mut self, tree: &RbvhTree, floor: f32) -> usize {
         self.keys.clear();
         let mut eligible = 0;
-        for v in (ROOT + 1..tree.internal()).filter(|&v| is_eligible(tree, v)) {
+        for v in (ROOT + 1..tree.placed()).filter(|&v| is_eligible(tree, v)) {
             eligible += 1;
             let inefficiency = inefficiency(tree, v);
             if inefficiency >= floor {
@@ -71,14 +72,14 @@ impl Selection {
     /// Picks as many nodes at random, all with the same chance.
     pub(super) fn pick_random(&mut self, tree: &RbvhTree) {
         self.forget();
-        let internal = tree.internal();
+        let internal = tree.placed();
         let count = self.count((internal as usize).saturating_sub(1));
         // Most nodes have a grandparent and few are drawn twice; the bound is for trees where that is not so.
         for _ in 0..4 * count {
             if self.batch.len() == count {
                 break;
             }
-            let v = 1 + self.below(internal - 1);
+            let v = 1 + self.random.below(internal - 1);
             if is_eligible(tree, v) && !self.picked[v as usize] {
                 self.picked[v as usize] = true;
                 self.batch.push(v);
@@ -104,16 +105,6 @@ impl Selection {
     fn count(&self, nodes: usize) -> usize {
         let part = (self.part * nodes as f64).ceil() as usize;
         part.max(SMALLEST_BATCH).min(nodes)
-    }
-
-    /// A number below `end`, which is not 0 (SplitMix64, Steele, Lea & Flood 2014).
-    fn below(&mut self, end: u32) -> u32 {
-        self.random = self.random.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.random;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^= z >> 31;
-        (((z >> 32) * u64::from(end)) >> 32) as u32
     }
 
     pub(super) fn bytes(&self) -> u64 {

@@ -71,7 +71,7 @@ proptest! {
         for (node, slot) in removed.children.into_iter().zip(removed.slots) {
             let aabb = tree.node(node).aabb;
             let targets = attached(&tree);
-            let place = search.best_place(&tree, aabb, targets[hint % targets.len()]);
+            let place = search.best_place(&tree, aabb, targets[hint % targets.len()], u32::MAX);
             prop_assert!(targets.contains(&place.target));
             let least = targets.iter().map(|&t| naive_cost(&tree, aabb, t)).fold(f64::INFINITY, f64::min);
             let found = naive_cost(&tree, aabb, place.target);

@@ -14,6 +14,8 @@ pub struct RbvhTree {
     areas: Vec<f32>,
     /// Reference of each leaf.
     references: Vec<u32>,
+    /// Internal nodes that have a place in the tree; all of them but while a tree grows.
+    placed: u32,
     /// Sum of the half areas of the internal nodes.
     internal_area: f64,
     leaf_area: f64,
@@ -64,6 +66,7 @@ impl RbvhTree {
             areas: nodes.iter().map(|node| node.aabb.half_area()).collect(),
             nodes: nodes.iter().map(branch).collect(),
             references: triangle_order,
+            placed: nodes.len() as u32 / 2,
             internal_area: 0.0,
             leaf_area: 0.0,
             journal: Vec::new(),
@@ -74,6 +77,41 @@ impl RbvhTree {
         let leaves = &tree.nodes[tree.internal() as usize..];
         tree.leaf_area = leaves.iter().map(|leaf| area(&leaf.aabb)).sum();
         tree
+    }
+
+    /// The first two of at least two references, which are to have leaves in this order. Others are not in the tree until [`Self::place`].
+    pub(super) fn of_two(boxes: &[Aabb], order: Vec<u32>) -> Self {
+        let internal = order.len() - 1;
+        let leaf = |&reference: &u32| Branch { aabb: boxes[reference as usize], children: [NO_NODE; 2] };
+        let nowhere = Branch { aabb: Aabb::EMPTY, children: [NO_NODE; 2] };
+        let mut nodes = vec![nowhere; internal];
+        nodes.extend(order.iter().map(leaf));
+        let first = internal as u32;
+        let root = nodes[internal].aabb.union(nodes[internal + 1].aabb);
+        nodes[ROOT as usize] = Branch { aabb: root, children: [first, first + 1] };
+        let mut parents = vec![NO_NODE; nodes.len()];
+        parents[internal..=internal + 1].fill(ROOT);
+        let leaf_area = nodes[internal..].iter().map(|leaf| area(&leaf.aabb)).sum();
+        Self {
+            parents,
+            areas: nodes.iter().map(|node| node.aabb.half_area()).collect(),
+            nodes,
+            references: order,
+            placed: 1,
+            internal_area: area(&root),
+            leaf_area,
+            journal: Vec::new(),
+            changes: Vec::new(),
+        }
+    }
+
+    /// Places the next reference beside `target`, for good.
+    pub(super) fn place(&mut self, target: u32) {
+        let (slot, leaf) = (self.placed, self.internal() + self.placed + 1);
+        self.placed += 1;
+        self.insert(leaf, target, slot);
+        self.changes.clear();
+        self.keep();
     }
 
     /// The tree as a device takes it.
@@ -97,6 +135,11 @@ impl RbvhTree {
     /// Internal nodes, which are those before the leaves.
     pub(super) fn internal(&self) -> u32 {
         self.nodes.len() as u32 / 2
+    }
+
+    /// Internal nodes that have a place in the tree, which are the first.
+    pub(super) fn placed(&self) -> u32 {
+        self.placed
     }
 
     /// Sum of the half areas of the internal nodes, kept up to date change by change, in f64.
