@@ -6,6 +6,7 @@ pub use crate::check::{FeatureOff, SettingError};
 use crate::collapse::CollapseSettings;
 pub use crate::given::GivenTree;
 use crate::optimize::{IterationRow, Limits, PrbvhSettings, RbvhSettings, WorstFirst};
+use crate::wide::WideSettings;
 use std::fmt;
 use std::num::NonZeroU32;
 #[cfg(feature = "files")]
@@ -186,6 +187,8 @@ pub struct Settings {
     /// Most links between the root and a leaf of the tree handed out, counted with one triangle per leaf: adaptive leaves, which come after
     /// it, only make it shallower.
     pub max_depth: MaxDepth,
+    /// A wide tree made of the tree handed out, beside it; none: no wide tree. Its leaves are of its own choice where those of the tree are single.
+    pub wide: Option<WideSettings>,
 }
 
 impl Settings {
@@ -198,6 +201,7 @@ impl Settings {
         if let Optimizer::Rbvh(settings) = &self.optimizer {
             settings.check()?;
         }
+        self.wide.as_ref().map_or(Ok(()), WideSettings::check)?;
         self.adaptive.as_ref().map_or(Ok(()), CollapseSettings::check)
     }
 
@@ -233,7 +237,7 @@ macro_rules! with {
     )+};
 }
 
-with!(Settings, PrbvhSettings, WorstFirst, RbvhSettings, Limits, CollapseSettings, IterationRow);
+with!(Settings, PrbvhSettings, WorstFirst, RbvhSettings, Limits, CollapseSettings, IterationRow, WideSettings);
 #[cfg(feature = "files")]
 with!(crate::scene::LoadOptions);
 
@@ -350,6 +354,7 @@ mod written_tests {
             ("fold_duplicates", json!(false)),
             ("max_depth", json!(63)),
             ("adaptive", Value::Null),
+            ("wide", Value::Null),
         ] {
             assert_eq!(plain[key], value, "{key}");
         }

@@ -12,6 +12,7 @@ use prbvh::device::cpu::CpuDevice;
 use prbvh::optimize::{self, IterationRow, Order, RbvhSettings, StopReason};
 use prbvh::pipeline::{Initial, Optimizer, Settings};
 use prbvh::stop::Stop;
+use prbvh::wide::{Layout, WideSettings, Width};
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
 use std::num::NonZeroU32;
@@ -112,6 +113,8 @@ const METHODS: &[Entry] = &[
         jobs: |settings| settings.mu.iter().map(|&mu| published(Settings::default(), mu)).collect(),
     },
     Entry { name: "worst-first", is_default: true, jobs: |_| vec![worst_first(Settings::default())] },
+    // The tree of `worst-first`, its rays through nodes of four and eight children.
+    Entry { name: "wide", is_default: false, jobs: |_| WIDE.iter().map(|&(name, width, layout)| wide(name, width, layout)).collect() },
     Entry {
         name: "sah-sweep",
         is_default: true,
@@ -155,6 +158,22 @@ pub(super) fn worst_first(settings: Settings) -> Job {
     let prbvh = settings.prbvh.clone().with(|s| s.order = Order::WorstFirst);
     let builder = Builder::Pipeline(Box::new(settings.with(|s| s.prbvh = prbvh)));
     Job { method: "prbvh worst first".to_owned(), mu: None, builder }
+}
+
+/// Rows of `wide`.
+const WIDE: [(&str, Width, Layout); 3] = [
+    ("prbvh worst first, bvh4", Width::Four, Layout::Soa),
+    ("prbvh worst first, bvh8", Width::Eight, Layout::Soa),
+    ("prbvh worst first, cwbvh", Width::Eight, Layout::Cwbvh),
+];
+
+fn wide(method: &str, width: Width, layout: Layout) -> Job {
+    let wide = WideSettings::default().with(|s| {
+        s.width = width;
+        s.layout = layout;
+    });
+    let settings = Settings::default().with(|s| s.wide = Some(wide));
+    Job { method: method.to_owned(), ..worst_first(settings) }
 }
 
 /// A setting that presets are chosen from; none where this program was built without its initial tree.

@@ -1,7 +1,8 @@
 //! What tree files of all versions have around their nodes: header and checksum.
 
 use super::file::TreeFileError;
-use std::io;
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::Path;
 
 /// First bytes of the file. Line ends and end-of-file mark betray a transfer as text.
@@ -27,29 +28,45 @@ pub(crate) fn header(version: u32, counts: [u32; 3], hash: [u8; 16]) -> [u8; HEA
     header
 }
 
+/// The version of a file, from its first bytes.
+pub(crate) fn version(path: &Path, bytes: &[u8]) -> Result<u32, TreeFileError> {
+    let malformed =
+        |offset, what, value, need| Err(TreeFileError::Malformed { path: path.to_owned(), offset, what, value, need });
+    let length = bytes.len();
+    if length < MAGIC.len() || bytes[..MAGIC.len()] != MAGIC {
+        let found = bytes[..length.min(MAGIC.len())].escape_ascii().to_string();
+        return malformed(0, "the magic number", found, MAGIC.escape_ascii().to_string());
+    }
+    if length < HEADER_BYTES {
+        let what = "the length of the file";
+        return malformed(length, what, format!("{length} bytes"), format!("at least {HEADER_BYTES}"));
+    }
+    Ok(word(bytes, 8))
+}
+
+fn word(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
+}
+
 impl Header {
     /// The header of a file of this version that has `smallest` bytes at least.
-    pub(crate) fn of(path: &Path, bytes: &[u8], version: u32, smallest: usize) -> Result<Self, TreeFileError> {
+    pub(crate) fn of(path: &Path, bytes: &[u8], need: u32, smallest: usize) -> Result<Self, TreeFileError> {
         let malformed = |offset, what, value, need| {
             Err(TreeFileError::Malformed { path: path.to_owned(), offset, what, value, need })
         };
-        let length = bytes.len();
-        if length < MAGIC.len() || bytes[..MAGIC.len()] != MAGIC {
-            let found = bytes[..length.min(MAGIC.len())].escape_ascii().to_string();
-            return malformed(0, "the magic number", found, MAGIC.escape_ascii().to_string());
+        let found = version(path, bytes)?;
+        if found != need {
+            return malformed(8, "the version", found.to_string(), need.to_string());
         }
-        let word = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
-        if length >= 12 && word(8) != version {
-            return malformed(8, "the version", word(8).to_string(), version.to_string());
-        }
-        if length < smallest {
+        if bytes.len() < smallest {
             let what = "the length of the file";
-            return malformed(length, what, format!("{length} bytes"), format!("at least {smallest}"));
+            return malformed(bytes.len(), what, format!("{} bytes", bytes.len()), format!("at least {smallest}"));
         }
         if let Some(at) = (40..HEADER_BYTES).find(|&at| bytes[at] != 0) {
             return malformed(at, "a reserved byte", bytes[at].to_string(), "0".to_owned());
         }
-        Ok(Self { counts: [word(12), word(16), word(20)], scene_hash: hex(&bytes[24..40]) })
+        let counts = [12, 16, 20].map(|at| word(bytes, at));
+        Ok(Self { counts, scene_hash: hex(&bytes[24..40]) })
     }
 }
 
@@ -73,12 +90,23 @@ pub(crate) fn body<'a>(path: &Path, bytes: &'a [u8], need: u64) -> Result<&'a [u
 
 /// The bytes of a file.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>, TreeFileError> {
+    read_most(path, u64::MAX)
+}
+
+/// The bytes of its header, or all of a shorter one.
+pub(crate) fn read_start(path: &Path) -> Result<Vec<u8>, TreeFileError> {
+    read_most(path, HEADER_BYTES as u64)
+}
+
+fn read_most(path: &Path, most: u64) -> Result<Vec<u8>, TreeFileError> {
     let failed = |source| TreeFileError::Read { path: path.to_owned(), source };
     // A device or a pipe could go on for ever.
     if !std::fs::metadata(path).map_err(failed)?.is_file() {
         return Err(failed(io::Error::new(io::ErrorKind::InvalidInput, "not a regular file")));
     }
-    std::fs::read(path).map_err(failed)
+    let mut bytes = Vec::new();
+    File::open(path).and_then(|file| file.take(most).read_to_end(&mut bytes)).map_err(failed)?;
+    Ok(bytes)
 }
 
 pub(crate) fn parse_hash(hash: &str) -> Option<[u8; 16]> {

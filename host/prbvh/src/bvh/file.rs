@@ -101,6 +101,14 @@ pub fn read(path: &Path) -> Result<TreeFile, TreeFileError> {
     decode(path, &envelope::read(path)?)
 }
 
+/// The version of a tree file: 1 is read here, 2 by [`wide::file`](crate::wide::file).
+///
+/// # Errors
+/// [`TreeFileError::Read`] if there is no such file, [`TreeFileError::Malformed`] if it is no tree file of any version.
+pub fn version(path: &Path) -> Result<u32, TreeFileError> {
+    envelope::version(path, &envelope::read_start(path)?)
+}
+
 fn header(tree: &Bvh, scene_hash: &str) -> Option<[u8; HEADER_BYTES]> {
     let hash = envelope::parse_hash(scene_hash)?;
     Some(envelope::header(VERSION, [tree.triangle_order.len() as u32, tree.nodes.len() as u32, 0], hash))

@@ -2,6 +2,7 @@
 
 use super::super::testing::{Rng, renumbered, tree};
 use super::super::{tree_hash, validate};
+use super::super::envelope::MAGIC;
 use super::*;
 use proptest::prelude::*;
 

@@ -7,6 +7,7 @@ use crate::device::{DeviceError, DeviceInfo};
 use crate::optimize::{Order, PrbvhSettings, Strategy};
 use crate::scene::Scene;
 use crate::settings::{Optimizer, Settings};
+use crate::wide::WideSettings;
 
 /// The phases, and what each took.
 pub(super) type Phases = (Vec<PhaseBytes>, Vec<Taken>);
@@ -59,5 +60,8 @@ pub(super) fn phases(
     }
     phases.push(phase("collapse".to_owned(), plan.collapses, &|dry| dry.collapse(n))?);
     phases.push(phase("trace".to_owned(), false, &|dry| dry.trace(n))?);
+    if let Some(WideSettings { width, layout, .. }) = settings.wide {
+        phases.push(phase(format!("trace, {layout} of {width}"), false, &|dry| dry.trace_wide(n, width, layout))?);
+    }
     Ok(phases.into_iter().unzip())
 }

@@ -2,8 +2,8 @@
 
 use super::layout::Layout;
 use super::packed::{PackedNodes, PackedTree};
-use super::settings::Width;
 use super::validate::summary;
+use super::width::Width;
 use crate::bvh::envelope::{self, CHECKSUM_BYTES, HEADER_BYTES};
 use crate::bvh::file::TreeFileError;
 use crate::write::write_atomically;

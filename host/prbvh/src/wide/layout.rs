@@ -1,6 +1,8 @@
 //! How the nodes of a wide tree lie in memory.
 
+use super::width::Width;
 use crate::check::SettingError;
+use prbvh_kernel::trace::wide::{Bvh4Node, Bvh8Node, CwbvhNode};
 use std::fmt;
 use std::str::FromStr;
 
@@ -19,6 +21,16 @@ pub enum Layout {
 impl Layout {
     /// Most triangles of a leaf of a compressed node.
     pub const CWBVH_LEAF: u32 = 3;
+
+    /// Bytes of a node.
+    #[must_use]
+    pub fn node_bytes(self, width: Width) -> usize {
+        match (self, width) {
+            (Self::Soa, Width::Four) => size_of::<Bvh4Node>(),
+            (Self::Soa, Width::Eight) => size_of::<Bvh8Node>(),
+            (Self::Cwbvh, _) => size_of::<CwbvhNode>(),
+        }
+    }
 }
 
 /// As on the command line.

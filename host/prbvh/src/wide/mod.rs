@@ -28,13 +28,15 @@ mod settings;
 mod soa;
 mod validate;
 mod weight;
+mod width;
 
 pub use fault::WideFault;
 pub use layout::Layout;
 pub use packed::{NotPacked, PackedNodes, PackedTree};
 pub use quality::{WideQuality, quality};
-pub use settings::{CollapseMethod, WideSettings, Width};
+pub use settings::{CollapseMethod, WideSettings};
 pub use validate::{summary, validate};
+pub use width::Width;
 
 use crate::bvh::Bvh;
 use crate::check::SettingError;

@@ -44,11 +44,7 @@ impl PackedNodes {
     /// Bytes of a node.
     #[must_use]
     pub fn node_bytes(&self) -> usize {
-        match self {
-            Self::Bvh4(_) => size_of::<Bvh4Node>(),
-            Self::Bvh8(_) => size_of::<Bvh8Node>(),
-            Self::Cwbvh(_) => size_of::<CwbvhNode>(),
-        }
+        self.layout().node_bytes(self.width())
     }
 
     /// Most children of a node.
@@ -162,6 +158,16 @@ impl PackedTree {
             hasher.update(&word.to_le_bytes());
         }
         hasher.finalize().to_hex()[..32].to_owned()
+    }
+
+    /// Position and number of triangles of each leaf; none if the nodes mean nothing.
+    pub(crate) fn leaves(&self) -> Vec<(u32, u32)> {
+        let nodes = self.nodes.unpacked().unwrap_or_default();
+        let leaf = |child: &WideChild| match child.content {
+            WideContent::Leaf { first, count } => Some((first, count)),
+            WideContent::Node(_) => None,
+        };
+        nodes.iter().flat_map(WideNode::children).filter_map(leaf).collect()
     }
 
     /// All words of nodes and order.
