@@ -280,7 +280,8 @@ fn run(
         Some(given) => given.given_back(handed_out),
         None => handed_out,
     };
-    let wide = settings.wide.as_ref().map(|wide| on_host(device, || wide_tree(&handed_out, scene, split.is_some(), wide)));
+    let wide =
+        settings.wide.as_ref().map(|wide| on_host(device, || wide_tree(&handed_out, scene, split.is_some(), wide)));
     let wide = wide.transpose()?;
     Ok(Optimized {
         tree: handed_out,

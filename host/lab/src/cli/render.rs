@@ -1,11 +1,11 @@
 //! `prbvh render`.
 
+use super::any_tree::AnyTree;
 use super::interrupt::Interrupt;
 use super::load_scene;
 use super::log::Log;
 use super::overwrite::refuse_overwrite;
 use super::render_args::RenderArgs;
-use super::any_tree::AnyTree;
 use super::stdout::print;
 use anyhow::{Context, ensure};
 use prbvh::device::{self, Device};
@@ -26,7 +26,9 @@ pub(super) fn run(args: &RenderArgs, log: &Log, interrupt: &Interrupt) -> anyhow
     let scene = load_scene(&args.scene, args.triangles, &args.read)?;
     let tree = match &args.tree {
         Some(path) => match (read_tree(path, &scene)?, wide) {
-            (AnyTree::Wide(_), Some(_)) => anyhow::bail!("{}: is wide already, so that --width does not fit", path.display()),
+            (AnyTree::Wide(_), Some(_)) => {
+                anyhow::bail!("{}: is wide already, so that --width does not fit", path.display())
+            }
             (AnyTree::Binary(tree), Some(wide)) => {
                 AnyTree::Wide(PackedTree::new(&prbvh::wide::collapse(&tree, &wide)?, wide.layout)?)
             }
@@ -72,7 +74,12 @@ pub(super) fn run(args: &RenderArgs, log: &Log, interrupt: &Interrupt) -> anyhow
     Ok(ExitCode::SUCCESS)
 }
 
-fn picture(args: &RenderArgs, device: &mut dyn Device, scene: &Scene, tree: TracedTree<'_>) -> anyhow::Result<Rendering> {
+fn picture(
+    args: &RenderArgs,
+    device: &mut dyn Device,
+    scene: &Scene,
+    tree: TracedTree<'_>,
+) -> anyhow::Result<Rendering> {
     let mut camera = clear_view(args.view, device, scene, tree, args.up as usize)?;
     if let Some(eye) = args.eye {
         camera.eye = eye;

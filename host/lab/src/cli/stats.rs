@@ -120,7 +120,10 @@ fn of_wide(args: &StatsArgs, packed: &PackedTree, scene_hash: &str, scene: Optio
     let (c_t, c_i) = (model.c_traversal, model.c_intersect);
     print(&format!("valid        yes ({boxes})"))?;
     print(&format!("nodes of     {width} children, layout {layout}"))?;
-    print(&format!("SAH cost     {:.3} (c_T = {c_t}, c_I = {c_i}; with the boxes of the layout {packed_cost:.3})", quality.sah_cost))?;
+    print(&format!(
+        "SAH cost     {:.3} (c_T = {c_t}, c_I = {c_i}; with the boxes of the layout {packed_cost:.3})",
+        quality.sah_cost
+    ))?;
     print(&format!("levels       {}, as many entries has the stack of a traversal", quality.levels))?;
     print(&format!("nodes        {} ({:.2} children on average)", quality.nodes, quality.children_per_node))?;
     print(&format!("leaves       {}", quality.leaves))?;

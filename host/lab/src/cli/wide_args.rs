@@ -93,8 +93,14 @@ mod tests {
         };
         assert_eq!([wide(""), wide("--width 2")], [Ok(None), Ok(None)]);
         assert_eq!(wide("--width 4"), of(Width::Four, Layout::Soa, CollapseMethod::Optimal));
-        assert_eq!(wide("--width 8 --layout soa --preset best"), of(Width::Eight, Layout::Soa, CollapseMethod::Optimal));
-        assert_eq!(wide("--layout cwbvh --wide-collapse greedy"), of(Width::Eight, Layout::Cwbvh, CollapseMethod::Greedy));
+        assert_eq!(
+            wide("--width 8 --layout soa --preset best"),
+            of(Width::Eight, Layout::Soa, CollapseMethod::Optimal)
+        );
+        assert_eq!(
+            wide("--layout cwbvh --wide-collapse greedy"),
+            of(Width::Eight, Layout::Cwbvh, CollapseMethod::Greedy)
+        );
         for (arguments, part) in [
             ("--width 3", "2, 4, 8"),
             ("--width 4 --layout cwbvh", "8 where the layout is cwbvh"),

@@ -113,8 +113,6 @@ const METHODS: &[Entry] = &[
         jobs: |settings| settings.mu.iter().map(|&mu| published(Settings::default(), mu)).collect(),
     },
     Entry { name: "worst-first", is_default: true, jobs: |_| vec![worst_first(Settings::default())] },
-    // The tree of `worst-first`, its rays through nodes of four and eight children.
-    Entry { name: "wide", is_default: false, jobs: |_| WIDE.iter().map(|&(name, width, layout)| wide(name, width, layout)).collect() },
     Entry {
         name: "sah-sweep",
         is_default: true,
@@ -129,6 +127,12 @@ const METHODS: &[Entry] = &[
         name: "candidates",
         is_default: false,
         jobs: |_| presets::CANDIDATES.iter().filter_map(candidate).collect(),
+    },
+    // The tree of `worst-first`, its rays through nodes of four and eight children.
+    Entry {
+        name: "wide",
+        is_default: false,
+        jobs: |_| WIDE.iter().map(|&(name, width, layout)| wide(name, width, layout)).collect(),
     },
 ];
 

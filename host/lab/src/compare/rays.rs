@@ -2,8 +2,8 @@
 
 use super::{MethodError, Picture, RaySettings};
 use crate::render::{
-    Camera, RayCost, RenderError, RenderSettings, Rendering, TracedTree, clear_view, encode_png, heat_map, heat_map_in, render,
-    shaded,
+    Camera, RayCost, RenderError, RenderSettings, Rendering, TracedTree, clear_view, encode_png, heat_map, heat_map_in,
+    render, shaded,
 };
 use prbvh::device::Device;
 use prbvh::scene::Scene;

@@ -12,8 +12,8 @@ use super::{
 };
 use crate::machine::Machine;
 use crate::program::Program;
-use crate::render::TracedTree;
 use crate::reference::{ReferenceCost, ReferenceCosts};
+use crate::render::TracedTree;
 use prbvh::bvh::{MaxDepth, SahModel};
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{Device, DeviceError, Stoppable};

@@ -1,6 +1,6 @@
 //! What tree files of all versions have around their nodes: header and checksum.
 
-use super::file::TreeFileError;
+use super::file_error::TreeFileError;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;

@@ -23,6 +23,8 @@ mod epo;
 mod fault;
 #[cfg(feature = "files")]
 pub mod file;
+#[cfg(feature = "files")]
+mod file_error;
 mod hash;
 mod layout;
 #[cfg(feature = "files")]

@@ -1,14 +1,14 @@
 //! obvhs 0.4: [`Bvh2`], with any leaves, spatial splits included, and [`CwBvh`].
 
-use crate::wide::{Layout, NotPacked, PackedNodes, PackedTree, WideBvh, WideFault};
 use crate::bvh::{Bvh, Content, FlatTree, SahModel, TreeFault, quality};
+use crate::wide::{Layout, NotPacked, PackedNodes, PackedTree, WideBvh, WideFault};
 use ::obvhs::aabb::Aabb as PeerAabb;
 use ::obvhs::bvh2::node::Bvh2Node;
 use ::obvhs::bvh2::{Bvh2, DEFAULT_MAX_STACK_DEPTH};
 use ::obvhs::cwbvh::CwBvh;
 use ::obvhs::cwbvh::node::CwBvhNode;
-use prbvh_kernel::trace::wide::CwbvhNode;
 use prbvh_kernel::aabb::Aabb;
+use prbvh_kernel::trace::wide::CwbvhNode;
 
 /// The tree with the boxes it has.
 ///

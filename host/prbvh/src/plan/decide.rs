@@ -258,7 +258,11 @@ impl Decide<'_> {
             item.saved = self.saving(&without, &Taken::default());
             return item;
         };
-        item(Omission::Wide, Status::Needed, format!("{} children in the layout {} were asked for", wide.width, wide.layout))
+        item(
+            Omission::Wide,
+            Status::Needed,
+            format!("{} children in the layout {} were asked for", wide.width, wide.layout),
+        )
     }
 
     fn attributes(&self) -> Item {

@@ -65,7 +65,9 @@ pub enum WideFault {
         slot: usize,
     },
     /// A leaf goes past the end of the triangle order.
-    #[error("node {node}, slot {slot}: {count} triangles from position {first} go beyond the {positions} of the triangle order")]
+    #[error(
+        "node {node}, slot {slot}: {count} triangles from position {first} go beyond the {positions} of the triangle order"
+    )]
     LeafRange {
         /// The node.
         node: u32,

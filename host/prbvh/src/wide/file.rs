@@ -56,8 +56,12 @@ pub fn read(path: &Path) -> Result<WideFile, TreeFileError> {
 }
 
 fn decode(path: &Path, bytes: &[u8]) -> Result<WideFile, TreeFileError> {
-    let malformed = |offset: usize, what: &'static str, value: String, need: String| {
-        TreeFileError::Malformed { path: path.to_owned(), offset, what, value, need }
+    let malformed = |offset: usize, what: &'static str, value: String, need: String| TreeFileError::Malformed {
+        path: path.to_owned(),
+        offset,
+        what,
+        value,
+        need,
     };
     let header = envelope::Header::of(path, bytes, VERSION, HEADER_BYTES + 80 + 4 + CHECKSUM_BYTES)?;
     let [triangles, nodes, code] = header.counts;
@@ -134,8 +138,7 @@ mod tests {
     fn every_layout_comes_back() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("wide.bvh");
-        for (width, layout) in
-            [(Width::Four, Layout::Soa), (Width::Eight, Layout::Soa), (Width::Eight, Layout::Cwbvh)]
+        for (width, layout) in [(Width::Four, Layout::Soa), (Width::Eight, Layout::Soa), (Width::Eight, Layout::Cwbvh)]
         {
             for n in [1, 2, 9, 300] {
                 let tree = packed(n, width, layout);

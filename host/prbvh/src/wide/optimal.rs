@@ -3,10 +3,10 @@
 //! Source: Ylitie, Karras & Laine 2017, §3.1. Of each subtree, from the leaves up, is known what it costs at least as a forest of at most `i` roots: equation
 //! (1) is [`Costs::at_most`], (2) the leaf, (3) the node and (4) the two forests side by side of which either is made.
 
+use super::SLOTS;
 use super::emit::Fate;
 use super::settings::WideSettings;
 use super::weight::Weight;
-use super::SLOTS;
 use crate::bvh::{Bvh, Content, ROOT};
 
 /// What a subtree costs at least.
@@ -85,8 +85,7 @@ fn choices(tree: &Bvh, settings: &WideSettings) -> (Vec<Choice>, Costs) {
                     unreachable!("children come before their parent")
                 };
                 let triangles = left.triangles + right.triangles;
-                let leaf =
-                    if triangles <= most { model.c_intersect * ratio * triangles as f64 } else { f64::INFINITY };
+                let leaf = if triangles <= most { model.c_intersect * ratio * triangles as f64 } else { f64::INFINITY };
                 let (opened, left_roots) = side_by_side(&left, &right, width);
                 choice.left[0] = left_roots;
                 let node = model.c_traversal * ratio + opened;

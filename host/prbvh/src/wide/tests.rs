@@ -93,7 +93,6 @@ fn the_optimal_collapse_is_the_best_of_all() {
     }
 }
 
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
     #[test]
@@ -193,7 +192,10 @@ fn bad_settings_are_told_with_their_field() {
         ("wide.width", WideSettings { layout: Layout::Cwbvh, ..of(Width::Four) }),
         ("wide.max_leaf", WideSettings { max_leaf: Some(0), ..of(Width::Four) }),
         ("wide.max_leaf", WideSettings { layout: Layout::Cwbvh, max_leaf: Some(4), ..of(Width::Eight) }),
-        ("wide.c_traversal", WideSettings { sah: Some(SahModel { c_traversal: f64::NAN, c_intersect: 1.0 }), ..of(Width::Four) }),
+        (
+            "wide.c_traversal",
+            WideSettings { sah: Some(SahModel { c_traversal: f64::NAN, c_intersect: 1.0 }), ..of(Width::Four) },
+        ),
     ];
     for (name, settings) in cases {
         assert_eq!(settings.check().unwrap_err().name, name);
@@ -228,23 +230,34 @@ fn planted_faults_are_found() {
 
     has(&faults(&|tree| tree.nodes.clear()), |f| matches!(f, WideFault::NodeCount { nodes: 0 }));
     has(&faults(&|tree| tree.nodes.push(WideNode::default())), |f| matches!(f, WideFault::Unreachable { .. }));
-    has(&faults(&|tree| tree.nodes[good.nodes.len() - 1] = WideNode::default()), |f| matches!(f, WideFault::EmptyNode { .. }));
+    has(&faults(&|tree| tree.nodes[good.nodes.len() - 1] = WideNode::default()), |f| {
+        matches!(f, WideFault::EmptyNode { .. })
+    });
     has(&faults(&|tree| tree.nodes[leaf.0].slots[7] = tree.nodes[leaf.0].slots[leaf.1].take()), |f| {
         matches!(f, WideFault::BeyondWidth { slot: 7, width: 4, .. })
     });
-    has(&faults(&|tree| set(tree, inner, WideContent::Node(9999))), |f| matches!(f, WideFault::LinkOutOfRange { child: 9999, .. }));
+    has(&faults(&|tree| set(tree, inner, WideContent::Node(9999))), |f| {
+        matches!(f, WideFault::LinkOutOfRange { child: 9999, .. })
+    });
     has(&faults(&|tree| set(tree, inner, WideContent::Node(0))), |f| matches!(f, WideFault::Shared { child: 0, .. }));
-    has(&faults(&|tree| set(tree, leaf, WideContent::Leaf { first: 0, count: 0 })), |f| matches!(f, WideFault::EmptyLeaf { .. }));
-    has(&faults(&|tree| set(tree, leaf, WideContent::Leaf { first: u32::MAX, count: 2 })), |f| matches!(f, WideFault::LeafRange { count: 2, .. }));
-    has(&faults(&|tree| set(tree, leaf, WideContent::Leaf { first: 0, count: 60 })), |f| matches!(f, WideFault::PositionShared { .. }));
+    has(&faults(&|tree| set(tree, leaf, WideContent::Leaf { first: 0, count: 0 })), |f| {
+        matches!(f, WideFault::EmptyLeaf { .. })
+    });
+    has(&faults(&|tree| set(tree, leaf, WideContent::Leaf { first: u32::MAX, count: 2 })), |f| {
+        matches!(f, WideFault::LeafRange { count: 2, .. })
+    });
+    has(&faults(&|tree| set(tree, leaf, WideContent::Leaf { first: 0, count: 60 })), |f| {
+        matches!(f, WideFault::PositionShared { .. })
+    });
     has(&faults(&|tree| tree.triangle_order.push(0)), |f| matches!(f, WideFault::PositionUnused { position: 60 }));
-    has(&faults(&|tree| tree.triangle_order[5] = 60), |f| matches!(f, WideFault::TriangleOutOfRange { triangle: 60, .. }));
+    has(&faults(&|tree| tree.triangle_order[5] = 60), |f| {
+        matches!(f, WideFault::TriangleOutOfRange { triangle: 60, .. })
+    });
     let twice = faults(&|tree| tree.triangle_order[5] = tree.triangle_order[6]);
     has(&twice, |f| matches!(f, WideFault::TriangleTwice { .. }));
     has(&twice, |f| matches!(f, WideFault::TriangleMissing { .. }));
-    let no_box = |aabb: Aabb| {
-        faults(&|tree| tree.nodes[leaf.0].slots[leaf.1].as_mut().expect("it is taken").aabb = aabb)
-    };
+    let no_box =
+        |aabb: Aabb| faults(&|tree| tree.nodes[leaf.0].slots[leaf.1].as_mut().expect("it is taken").aabb = aabb);
     has(&no_box(Aabb::EMPTY), |f| matches!(f, WideFault::NoBox { .. }));
     has(&no_box(Aabb { min: [f32::NAN; 3], max: [1.0; 3] }), |f| matches!(f, WideFault::NoBox { .. }));
     has(&no_box(Aabb { min: [9.0; 3], max: [9.0; 3] }), |f| matches!(f, WideFault::Outside { .. }));
@@ -302,7 +315,8 @@ fn sizes_are_those_of_the_layouts() {
         PackedTree::new(&collapse(&binary, &settings).unwrap(), layout).unwrap()
     };
     let [four, eight, compressed] =
-        [(Width::Four, Layout::Soa), (Width::Eight, Layout::Soa), (Width::Eight, Layout::Cwbvh)].map(|(w, l)| packed(w, l));
+        [(Width::Four, Layout::Soa), (Width::Eight, Layout::Soa), (Width::Eight, Layout::Cwbvh)]
+            .map(|(w, l)| packed(w, l));
     for (packed, bytes) in [(&four, 128), (&eight, 256), (&compressed, 80)] {
         assert_eq!(packed.nodes.node_bytes(), bytes);
         assert_eq!(packed.bytes(), bytes * packed.nodes.len() + 4 * 500);

@@ -14,10 +14,7 @@ pub fn validate(tree: &WideBvh, triangles: Option<&[Triangle]>) -> Result<(), Ve
     if tree.nodes.is_empty() || u32::try_from(tree.nodes.len()).is_err() {
         return Err(vec![WideFault::NodeCount { nodes: tree.nodes.len() }]);
     }
-    let mut seen = Seen {
-        nodes: vec![false; tree.nodes.len()],
-        positions: vec![false; tree.triangle_order.len()],
-    };
+    let mut seen = Seen { nodes: vec![false; tree.nodes.len()], positions: vec![false; tree.triangle_order.len()] };
     seen.nodes[0] = true;
     let mut stack = vec![0u32];
     while let Some(v) = stack.pop() {

@@ -94,14 +94,12 @@ impl WideNodes for [CwbvhNode] {
     #[inline(always)]
     fn entered(&self, node: u32, prepared: &Prepared, octant: u32, t_max: f32) -> u32 {
         let node = self[node as usize];
-        let mut word = 0;
-        for slot in 0..8u32 {
-            let near = prepared.enters(&node.aabb(slot), t_max);
-            if near < f32::INFINITY && node.meta_of(slot) != 0 {
-                word |= 1 << (slot ^ octant);
-            }
-        }
-        word
+        // No loop over the slots: a driver may count its rounds with those of the walk ([`STEPS`](crate::trace::STEPS)).
+        let bit = |slot: u32| {
+            let entered = prepared.enters(&node.aabb(slot), t_max) < f32::INFINITY && node.meta_of(slot) != 0;
+            if entered { 1 << (slot ^ octant) } else { 0 }
+        };
+        bit(0) | bit(1) | bit(2) | bit(3) | bit(4) | bit(5) | bit(6) | bit(7)
     }
 
     #[inline(always)]

@@ -12,7 +12,7 @@ const MISSED: u32 = u32::MAX;
 const TAKEN: u32 = 8;
 
 macro_rules! soa_node {
-    ($(#[$doc:meta])* $name:ident, $width:literal) => {
+    ($(#[$doc:meta])* $name:ident, $width:literal, $($k:literal)+) => {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
         #[repr(C)]
@@ -43,30 +43,25 @@ macro_rules! soa_node {
             #[inline(always)]
             fn entered(&self, node: u32, prepared: &Prepared, _octant: u32, t_max: f32) -> u32 {
                 let node = &self[node as usize];
-                let mut keys = [MISSED; $width];
-                for k in 0..$width {
+                // No loops over the slots: a driver may count their rounds with those of the walk ([`STEPS`](crate::trace::STEPS)).
+                let key = |k: usize| {
                     let aabb = Aabb {
                         min: [node.min_x[k], node.min_y[k], node.min_z[k]],
                         max: [node.max_x[k], node.max_y[k], node.max_z[k]],
                     };
                     let near = prepared.enters(&aabb, t_max);
-                    if near < f32::INFINITY && node.child[k] != NO_CHILD {
-                        // The bits of numbers that are not negative are in their order.
-                        keys[k] = (near.to_bits() & !7) | k as u32;
-                    }
-                }
+                    // The bits of numbers that are not negative are in their order.
+                    let entered = near < f32::INFINITY && node.child[k] != NO_CHILD;
+                    if entered { (near.to_bits() & !7) | k as u32 } else { MISSED }
+                };
+                let keys = [$(key($k)),+];
+                let place = |key: u32| 0 $(+ if keys[$k] < key { 4 } else { 0 })+;
                 let mut word = 0;
-                for k in 0..$width {
-                    if keys[k] != MISSED {
-                        let mut place = 0;
-                        for other in 0..$width {
-                            if keys[other] < keys[k] {
-                                place += 4;
-                            }
-                        }
-                        word |= (k as u32 | TAKEN) << place;
+                $(
+                    if keys[$k] != MISSED {
+                        word |= ($k | TAKEN) << place(keys[$k]);
                     }
-                }
+                )+
                 word
             }
 
@@ -80,9 +75,9 @@ macro_rules! soa_node {
 
 soa_node!(
     /// A node of four children, 128 bytes: two cache lines.
-    Bvh4Node, 4
+    Bvh4Node, 4, 0 1 2 3
 );
 soa_node!(
     /// A node of eight children, 256 bytes: four cache lines.
-    Bvh8Node, 8
+    Bvh8Node, 8, 0 1 2 3 4 5 6 7
 );
