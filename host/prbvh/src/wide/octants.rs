@@ -4,18 +4,22 @@
 //! less far it lies in the direction of octant `s`; the sum over all children is made as small as it can be. The paper does so by auctions; here it is the method of
 //! Kuhn 1955 and Munkres 1957 in the form of shortest paths, whose result is the least sum itself.
 
-use super::{SLOTS, WideNode};
+use super::{SLOTS, WideChild, WideNode};
+use prbvh_kernel::aabb::Aabb;
+use std::cmp::Ordering;
 
 /// Costs of each child (row) in each slot (column).
 type Costs = [[f64; SLOTS]; SLOTS];
 
-/// The same children in their slots.
+/// The same children in their slots, whichever they were in before.
 pub(super) fn by_octants(node: &WideNode) -> WideNode {
     let around = node.aabb();
     let centre = |min: f32, max: f32| f64::from(min) / 2.0 + f64::from(max) / 2.0;
+    // Of several assignments of least cost the order of the children decides: it must not be that of their slots.
+    let mut children: Vec<WideChild> = node.children().copied().collect();
+    children.sort_by(|a, b| order(&a.aabb, &b.aabb));
     let mut costs: Costs = [[0.0; SLOTS]; SLOTS];
-    let mut count = 0;
-    for (child, costs) in node.children().zip(&mut costs) {
+    for (child, costs) in children.iter().zip(&mut costs) {
         let offset: [f64; 3] = std::array::from_fn(|k| {
             centre(child.aabb.min[k], child.aabb.max[k]) - centre(around.min[k], around.max[k])
         });
@@ -23,14 +27,25 @@ pub(super) fn by_octants(node: &WideNode) -> WideNode {
             let sign = |bit: usize| if slot & bit == 0 { 1.0 } else { -1.0 };
             *cost = sign(4) * offset[0] + sign(2) * offset[1] + sign(1) * offset[2];
         }
-        count += 1;
     }
-    let slots = assignment(&costs, count);
+    let mut slots = assignment(&costs, children.len());
+    // Equal boxes stay in the order in which they came.
+    let mut first = 0;
+    for run in children.chunk_by(|a, b| order(&a.aabb, &b.aabb).is_eq()) {
+        slots[first..first + run.len()].sort_unstable();
+        first += run.len();
+    }
     let mut placed = WideNode::default();
-    for (child, slot) in node.children().zip(slots) {
+    for (child, slot) in children.iter().zip(slots) {
         placed.slots[slot] = Some(*child);
     }
     placed
+}
+
+/// By coordinates; both zeros are one.
+fn order(a: &Aabb, b: &Aabb) -> Ordering {
+    let pairs = a.min.iter().chain(&a.max).zip(b.min.iter().chain(&b.max));
+    pairs.map(|(a, b)| (a + 0.0).total_cmp(&(b + 0.0))).find(|ordering| ordering.is_ne()).unwrap_or(Ordering::Equal)
 }
 
 /// The slot of each of the first `count` children in the assignment of least cost.
@@ -88,8 +103,7 @@ fn assignment(costs: &Costs, count: usize) -> [usize; SLOTS] {
 mod tests {
     use super::*;
     use crate::bvh::testing::Rng;
-    use crate::wide::{WideChild, WideContent};
-    use prbvh_kernel::aabb::Aabb;
+    use crate::wide::WideContent;
 
     fn random(rng: &mut Rng) -> f64 {
         rng.below(1000) as f64 - 500.0
