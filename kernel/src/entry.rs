@@ -84,6 +84,8 @@ macro_rules! kernels {
                     // Walks and climbs.
                     Self::HplocStage | Self::Rotations | Self::Refit | Self::PrbvhRefit | Self::PrbvhMark | Self::WorstRefit | Self::WorstMark | Self::WorstUnfold => 32,
                     Self::Trace32 | Self::Trace64 | Self::Trace128 | Self::TraceDeep => 16,
+                    Self::TraceBvh4 | Self::TraceBvh4Deep | Self::TraceBvh8 | Self::TraceBvh8Deep => 16,
+                    Self::TraceCwbvh | Self::TraceCwbvhDeep => 16,
                     _ => 256,
                 }
             }

@@ -1,4 +1,4 @@
-//! `cargo xtask bench [--parts | --plan | --peers | --growth | --dynamic]`: see tests/benches.
+//! `cargo xtask bench [--parts | --plan | --peers | --growth | --dynamic | --wide]`: see tests/benches.
 
 use crate::repo;
 use anyhow::{Result, ensure};
@@ -21,6 +21,9 @@ pub(crate) struct Bench {
     /// A scene in motion: a tree that is refitted and made better in each frame, beside a peer.
     #[arg(long, conflicts_with_all = ["parts", "plan", "peers", "growth"])]
     dynamic: bool,
+    /// Rays through binary, wide and compressed trees, beside a peer; with `-- --costs` no times.
+    #[arg(long, conflicts_with_all = ["parts", "plan", "peers", "growth", "dynamic"])]
+    wide: bool,
     /// For the benchmark: `--help` lists them.
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     arguments: Vec<String>,
@@ -37,6 +40,7 @@ impl Bench {
             (self.peers, "peers"),
             (self.growth, "growth"),
             (self.dynamic, "dynamic"),
+            (self.wide, "wide"),
         ];
         let bench = chosen.into_iter().find(|(is_chosen, _)| *is_chosen).map_or("spine", |(_, bench)| bench);
         cargo.args(["bench", "--package", "prbvh-tests", "--bench", bench, "--"]).args(self.arguments);

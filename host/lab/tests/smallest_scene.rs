@@ -7,6 +7,7 @@ use prbvh::device::{self, Command, Device, DeviceError, DeviceInfo, DeviceKind, 
 use prbvh::pipeline::optimize;
 use prbvh::scene::Scene;
 use prbvh::trace::{NO_TRIANGLE, Query, Ray, TraceScene, trace};
+use prbvh::wide::{Layout, PackedTree, WideSettings, Width, collapse};
 use prbvh_cpu_sim::Order;
 use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
@@ -182,6 +183,38 @@ fn rays(device: &mut Noting) -> Vec<u32> {
         let hits: Vec<u32> = hits.iter().map(|hit| hit.triangle).collect();
         assert_eq!(hits, [0, n as u32 - 1, NO_TRIANGLE]);
         found.extend(hits);
+        scene.free(device);
+    }
+    found.extend(wide_rays(device));
+    found
+}
+
+/// The triangles that rays meet in wide combs of every layout, with either stack.
+fn wide_rays(device: &mut Noting) -> Vec<u32> {
+    let triangles: Vec<Triangle> = (0..6).map(|k| at(2.0 * k as f32)).collect();
+    let ray = |t: &Triangle| Ray {
+        origin: [t.a[0] + 0.25, t.a[1] + 0.25, -1.0],
+        t_min: 0.0,
+        direction: [0.0, 0.0, 1.0],
+        t_max: 1e6,
+    };
+    let mut found = Vec::new();
+    for (width, layout) in [(Width::Four, Layout::Soa), (Width::Eight, Layout::Soa), (Width::Eight, Layout::Cwbvh)] {
+        let settings = WideSettings::default().with(|s| {
+            s.width = width;
+            s.layout = layout;
+            s.max_leaf = Some(1);
+        });
+        let tree = PackedTree::new(&collapse(&comb(&triangles), &settings).unwrap(), layout).unwrap();
+        let mut scene = TraceScene::of_wide(device, &tree, &triangles, &[[-5.0, -5.0, -1.0]]).unwrap();
+        for _ in 0..2 {
+            let rays = [ray(&triangles[0]), ray(&triangles[5])];
+            let (hits, _) = trace(device, &mut scene, &rays, Query::Closest).unwrap();
+            let hits: Vec<u32> = hits.iter().map(|hit| hit.triangle).collect();
+            assert_eq!(hits, [0, 5]);
+            found.extend(hits);
+            scene.go_deep(device).unwrap();
+        }
         scene.free(device);
     }
     found

@@ -104,6 +104,7 @@
 //! | GPU and CPU | [`device`] |
 //! | initial trees alone | [`build`] |
 //! | leaves of several triangles | [`collapse`] |
+//! | nodes of four or eight children | [`wide`] |
 //! | rays, to measure a tree | [`trace`] |
 //! | what a run leaves out, and why | [`plan`] |
 //! | an end from another thread | [`stop`] |
@@ -138,6 +139,7 @@ pub mod scene;
 pub mod settings;
 pub mod stop;
 pub mod trace;
+pub mod wide;
 #[cfg(feature = "files")]
 #[doc(hidden)]
 pub mod write;

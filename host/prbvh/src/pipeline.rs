@@ -7,13 +7,16 @@ mod host_tree;
 mod initial;
 mod on_host;
 mod tree;
+mod wide;
 
 pub use crate::settings::{FeatureOff, GivenTree, Initial, Optimizer, SettingError, Settings};
 pub use host_tree::build_on_host;
 pub use tree::{Leaves, OptimizedTree, optimize_tree};
+pub use wide::WideTree;
 
 use hand_out::{bounded, hand_out, hand_out_collapsed, upload_whole};
 use initial::{given_tree, initial_tree};
+use wide::wide_tree;
 
 use crate::build::DeviceTree;
 #[cfg(feature = "files")]
@@ -29,6 +32,7 @@ use crate::optimize::{
 use crate::plan::{Plan, PlanMismatch};
 use crate::references::References;
 use crate::scene::{SafeRange, Scene, SceneError};
+use crate::wide::{WideFault, summary as wide_summary};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::setup::Triangle;
 use std::collections::BTreeSet;
@@ -61,6 +65,8 @@ pub struct Optimized {
     pub collapse_timings: Vec<Timing>,
     /// What was left out and why.
     pub plan: Plan,
+    /// The wide tree of [`Settings::wide`].
+    pub wide: Option<WideTree>,
     /// Kernels that ran; [`Plan::unplanned`] has none of them.
     pub ran: BTreeSet<Kernel>,
 }
@@ -111,6 +117,12 @@ pub enum PipelineError {
     /// The plan is for something else.
     #[error(transparent)]
     Plan(#[from] PlanMismatch),
+    /// The wide tree is none over the triangles.
+    #[error("the wide tree is invalid: {}", wide_summary(.faults))]
+    InvalidWideTree {
+        /// All faults.
+        faults: Vec<WideFault>,
+    },
     /// What came back from the device is no tree over the triangles.
     #[error("the {stage} on {device} made an invalid tree: {}", bvh::summary(.faults))]
     InvalidTree {
@@ -278,6 +290,9 @@ fn run(
         Some(given) => given.given_back(handed_out),
         None => handed_out,
     };
+    let wide =
+        settings.wide.as_ref().map(|wide| on_host(device, || wide_tree(&handed_out, scene, split.is_some(), wide)));
+    let wide = wide.transpose()?;
     Ok(Optimized {
         tree: handed_out,
         initial,
@@ -290,6 +305,7 @@ fn run(
         optimize_s,
         collapse_timings,
         plan,
+        wide,
         ran: device.kernels(),
     })
 }

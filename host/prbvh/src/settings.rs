@@ -11,6 +11,7 @@ pub use crate::given::GivenTree;
 use crate::optimize::{InsertionSettings, OnlineSettings};
 use crate::optimize::{IterationRow, Limits, PrbvhSettings, RbvhSettings, RotationSettings, WorstFirst};
 pub use crate::parameters::ParameterError;
+use crate::wide::WideSettings;
 use std::fmt;
 use std::num::NonZeroU32;
 #[cfg(feature = "files")]
@@ -253,6 +254,8 @@ pub struct Settings {
     /// Most links between the root and a leaf of the tree handed out, counted with one triangle per leaf: adaptive leaves, which come after
     /// it, only make it shallower.
     pub max_depth: MaxDepth,
+    /// A wide tree made of the tree handed out, beside it; none: no wide tree. Its leaves are of its own choice where those of the tree are single.
+    pub wide: Option<WideSettings>,
 }
 
 impl Settings {
@@ -268,6 +271,7 @@ impl Settings {
             Optimizer::Rotations(settings) => settings.check()?,
             Optimizer::Prbvh | Optimizer::None => {}
         }
+        self.wide.as_ref().map_or(Ok(()), WideSettings::check)?;
         self.adaptive.as_ref().map_or(Ok(()), CollapseSettings::check)
     }
 
@@ -305,7 +309,17 @@ macro_rules! with {
     )+};
 }
 
-with!(Settings, PrbvhSettings, WorstFirst, RbvhSettings, RotationSettings, Limits, CollapseSettings, IterationRow);
+with!(
+    Settings,
+    PrbvhSettings,
+    WorstFirst,
+    RbvhSettings,
+    RotationSettings,
+    Limits,
+    CollapseSettings,
+    IterationRow,
+    WideSettings
+);
 with!(AacSettings, KMeansSettings, InsertionSettings, OnlineSettings, HuntSettings, PhrSettings);
 #[cfg(feature = "files")]
 with!(crate::scene::LoadOptions);

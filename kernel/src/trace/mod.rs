@@ -7,6 +7,8 @@
 //! |---|---|
 //! | `trace_32`, `trace_64`, `trace_128` | an array of the invocation, for trees of at most that depth |
 //! | `trace_deep` | a buffer, for any depth and any number of steps, over as many dispatches as it takes |
+//! | `trace_bvh4`, `trace_bvh8`, `trace_cwbvh` | an array of the invocation, for wide trees of at most 32 levels ([`wide`]) |
+//! | `trace_bvh4_deep`, `trace_bvh8_deep`, `trace_cwbvh_deep` | a buffer, as `trace_deep` |
 //!
 //! [`path`] has the kernels of the path tracer around them. See [`crate::ray`] for the tests and why hits do not depend on
 //! the tree.
@@ -15,6 +17,7 @@ pub mod counts;
 pub mod path;
 pub mod random;
 pub mod stack;
+pub mod wide;
 
 use crate::aabb::Aabb;
 use crate::mem::Slot;
@@ -123,71 +126,92 @@ impl Walk {
         }
         hit
     }
+
+    /// Tests the current triangle and goes on to the next one of its leaf; whether there is none. Of hits at the same parameter the one with the
+    /// lowest triangle wins. An any-hit ray that hits has [`SOME_TRIANGLE`] afterwards, and nothing on its stack.
+    #[inline(always)]
+    fn visit_triangle(&mut self, params: &TraceParams, prepared: &Prepared, triangles: &[TraceTriangle]) -> bool {
+        let triangle = triangles[(self.current & !LEAF) as usize];
+        self.hit.triangle_tests += 1;
+        let t = prepared.hits([triangle.a, triangle.b, triangle.c], self.hit.t);
+        let hits = t < f32::INFINITY;
+        if hits && (t < self.hit.t || triangle.id < self.hit.triangle) {
+            self.hit.t = t;
+            self.hit.triangle = triangle.id;
+        }
+        self.current += 1;
+        if hits && params.any != 0 {
+            self.hit.triangle = SOME_TRIANGLE;
+            self.depth = 0;
+            return true;
+        }
+        triangle.is_last != 0
+    }
 }
 
-/// Walks on by at most [`STEPS`] nodes and triangles. Of hits at the same parameter the one with the lowest triangle wins.
-#[inline(always)]
-pub fn walk<S: Stack>(
-    params: &TraceParams,
-    ray: &Ray,
-    nodes: &[TraceNode],
-    triangles: &[TraceTriangle],
-    stack: &mut S,
-    mut walk: Walk,
-) -> Walk {
-    let prepared = Prepared::new(ray);
-    for _ in 0..STEPS {
-        if walk.current == DONE {
-            break;
+/// The nodes of a tree, in whatever layout.
+pub trait Nodes {
+    /// Walks on by at most [`STEPS`] nodes and triangles.
+    fn walk<S: Stack>(
+        &self,
+        params: &TraceParams,
+        ray: &Ray,
+        triangles: &[TraceTriangle],
+        stack: &mut S,
+        walk: Walk,
+    ) -> Walk;
+}
+
+impl Nodes for [TraceNode] {
+    #[inline(always)]
+    fn walk<S: Stack>(
+        &self,
+        params: &TraceParams,
+        ray: &Ray,
+        triangles: &[TraceTriangle],
+        stack: &mut S,
+        mut walk: Walk,
+    ) -> Walk {
+        let prepared = Prepared::new(ray);
+        for _ in 0..STEPS {
+            if walk.current == DONE {
+                break;
+            }
+            let pops;
+            if walk.current & LEAF == 0 {
+                let node = self[walk.current as usize];
+                walk.hit.box_tests += 2;
+                let left = prepared.enters(&Aabb { min: node.left_min, max: node.left_max }, walk.hit.t);
+                let right = prepared.enters(&Aabb { min: node.right_min, max: node.right_max }, walk.hit.t);
+                let left_first = left <= right;
+                let (near, far) = if left_first { (left, right) } else { (right, left) };
+                pops = near == f32::INFINITY;
+                walk.current = if left_first { node.left } else { node.right };
+                if far < f32::INFINITY {
+                    stack.set(walk.depth, if left_first { node.right } else { node.left });
+                    walk.depth += 1;
+                }
+            } else {
+                pops = walk.visit_triangle(params, &prepared, triangles);
+            }
+            if pops {
+                walk.current = DONE;
+                if walk.depth > 0 {
+                    walk.depth -= 1;
+                    walk.current = stack.get(walk.depth);
+                }
+            }
         }
-        let mut pops;
-        if walk.current & LEAF == 0 {
-            let node = nodes[walk.current as usize];
-            walk.hit.box_tests += 2;
-            let left = prepared.enters(&Aabb { min: node.left_min, max: node.left_max }, walk.hit.t);
-            let right = prepared.enters(&Aabb { min: node.right_min, max: node.right_max }, walk.hit.t);
-            let left_first = left <= right;
-            let (near, far) = if left_first { (left, right) } else { (right, left) };
-            pops = near == f32::INFINITY;
-            walk.current = if left_first { node.left } else { node.right };
-            if far < f32::INFINITY {
-                stack.set(walk.depth, if left_first { node.right } else { node.left });
-                walk.depth += 1;
-            }
-        } else {
-            let triangle = triangles[(walk.current & !LEAF) as usize];
-            walk.hit.triangle_tests += 1;
-            let t = prepared.hits([triangle.a, triangle.b, triangle.c], walk.hit.t);
-            let hits = t < f32::INFINITY;
-            if hits && (t < walk.hit.t || triangle.id < walk.hit.triangle) {
-                walk.hit.t = t;
-                walk.hit.triangle = triangle.id;
-            }
-            pops = triangle.is_last != 0;
-            walk.current += 1;
-            if hits && params.any != 0 {
-                walk.hit.triangle = SOME_TRIANGLE;
-                walk.depth = 0;
-                pops = true;
-            }
-        }
-        if pops {
-            walk.current = DONE;
-            if walk.depth > 0 {
-                walk.depth -= 1;
-                walk.current = stack.get(walk.depth);
-            }
-        }
+        walk
     }
-    walk
 }
 
 /// Invocation `i` traces ray `first + i` with a stack of its own.
 #[inline(always)]
-pub fn trace<S: Stack>(
+pub fn trace<N: Nodes + ?Sized, S: Stack>(
     i: u32,
     params: &TraceParams,
-    nodes: &[TraceNode],
+    nodes: &N,
     triangles: &[TraceTriangle],
     rays: &[Ray],
     hits: &[Slot<Hit>],
@@ -195,17 +219,17 @@ pub fn trace<S: Stack>(
 ) {
     let k = (params.first + i) as usize;
     let ray = rays[k];
-    let end = walk(params, &ray, nodes, triangles, stack, Walk::start(params, &ray));
+    let end = nodes.walk(params, &ray, triangles, stack, Walk::start(params, &ray));
     hits[k].set(end.result(params));
 }
 
 /// Invocation `i` traces ray `first + i` with its stack in `words[(depth + 3) · count]`, whose first three rows keep the walk from one
 /// dispatch to the next.
 #[inline(always)]
-pub fn trace_deep(
+pub fn trace_deep<N: Nodes + ?Sized>(
     i: u32,
     params: &TraceParams,
-    nodes: &[TraceNode],
+    nodes: &N,
     triangles: &[TraceTriangle],
     rays: &[Ray],
     hits: &[Slot<Hit>],
@@ -224,7 +248,7 @@ pub fn trace_deep(
     }
     if params.resumes == 0 || from.current != DONE {
         let mut stack = BufferStack { words, invocation: i, count: params.count };
-        let end = walk(params, &ray, nodes, triangles, &mut stack, from);
+        let end = nodes.walk(params, &ray, triangles, &mut stack, from);
         words[current].set(end.current);
         words[depth].set(end.depth);
         words[depth + params.count as usize].set(end.hit.triangle);

@@ -1,5 +1,6 @@
 //! The command line: arguments in, tables and files out.
 
+mod any_tree;
 mod args;
 mod colour;
 mod compare;
@@ -27,6 +28,7 @@ mod stdout;
 mod summary;
 mod target;
 mod values;
+mod wide_args;
 
 use anyhow::Context;
 use args::{Cli, Command, main_job};

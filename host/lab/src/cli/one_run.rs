@@ -18,12 +18,13 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 /// Files of a run in its folder.
-pub(super) const OUTPUTS: [&str; 5] = {
+pub(super) const OUTPUTS: [&str; 6] = {
     let [report, iterations, convergence, accuracy] = RunReport::FILES;
-    [TREE, report, iterations, convergence, accuracy]
+    [TREE, WIDE_TREE, report, iterations, convergence, accuracy]
 };
 
 const TREE: &str = "tree.bvh";
+const WIDE_TREE: &str = "wide.bvh";
 
 /// What a run reads beside its scenes.
 pub(super) fn other_inputs<'a>(args: &'a OptimizeArgs, settings: &'a Settings) -> impl Iterator<Item = &'a Path> {
@@ -142,6 +143,11 @@ pub(super) fn write(folder: &Path, scene: &Scene, result: &Optimized, report: &R
     let tree = folder.join(TREE);
     bvh::file::write(&tree, &result.tree, &scene.hash)?;
     tracing::info!("wrote {}", tree.display());
+    if let Some(wide) = &result.wide {
+        let path = folder.join(WIDE_TREE);
+        prbvh::wide::file::write(&path, &wide.tree, &scene.hash)?;
+        tracing::info!("wrote {}", path.display());
+    }
     for path in report.write(folder)? {
         tracing::info!("wrote {}", path.display());
     }

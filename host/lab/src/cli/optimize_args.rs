@@ -6,6 +6,7 @@ use super::preset::{self, PRESET_SETS};
 use super::scenes::ScenesArgs;
 use super::target::TargetArgs;
 use super::values::{not_negative, threads};
+use super::wide_args::WideArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use prbvh::build::{Bins, DEFAULT_HPLOC_RADIUS, DEFAULT_PASSES, DEFAULT_RADIUS, MortonBits, TreeletSize};
@@ -79,13 +80,15 @@ pub(super) struct OptimizeArgs {
     pub(super) max_depth: MaxDepth,
     #[command(flatten)]
     pub(super) leaves: LeavesArgs,
+    #[command(flatten)]
+    pub(super) wide: WideArgs,
     /// auto, cpu, vulkan or vulkan:N.
     #[arg(long, default_value_t, value_name = "DEVICE")]
     pub(super) device: DeviceChoice,
     /// Threads of the CPU device, and of what the host does for it; 0 for one per core.
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads, allow_negative_numbers = true)]
     pub(super) threads: usize,
-    /// Write report.json, iterations.csv, convergence.svg and tree.bvh to this folder.
+    /// Write report.json, iterations.csv, convergence.svg and tree.bvh to this folder; with --width 4 or 8 wide.bvh, too.
     #[arg(long, value_name = "DIR")]
     pub(super) out: Option<PathBuf>,
     /// Print one JSON object to stdout instead of the table; of many scenes one in a line for each.
@@ -119,6 +122,7 @@ impl OptimizeArgs {
             MortonBitsArg::Sixty => MortonBits::Sixty,
         };
         asked.adaptive = self.leaves.settings();
+        asked.wide = self.wide.settings()?;
         asked.fold_duplicates = self.fold_duplicates;
         asked.max_depth = self.max_depth;
         let prbvh = &mut asked.prbvh;

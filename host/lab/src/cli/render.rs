@@ -1,5 +1,6 @@
 //! `prbvh render`.
 
+use super::any_tree::AnyTree;
 use super::interrupt::Interrupt;
 use super::load_scene;
 use super::log::Log;
@@ -7,12 +8,12 @@ use super::overwrite::refuse_overwrite;
 use super::render_args::RenderArgs;
 use super::stdout::print;
 use anyhow::{Context, ensure};
-use prbvh::bvh::{self, Bvh};
 use prbvh::device::{self, Device};
 use prbvh::pipeline::{self, Settings};
 use prbvh::scene::Scene;
+use prbvh::wide::PackedTree;
 use prbvh::write::is_written_through;
-use prbvh_lab::render::{RayCost, Rendering, clear_view, heat_map, render, shaded, write_png};
+use prbvh_lab::render::{RayCost, Rendering, TracedTree, clear_view, heat_map, render, shaded, write_png};
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::process::ExitCode;
@@ -20,23 +21,36 @@ use std::process::ExitCode;
 /// A signal ends it at once: of a picture there is all or nothing.
 pub(super) fn run(args: &RenderArgs, log: &Log, interrupt: &Interrupt) -> anyhow::Result<ExitCode> {
     refuse_overwrite([&*args.scene].into_iter().chain(args.tree.as_deref()), [args.out.clone()])?;
+    let wide = args.wide.settings()?;
     let mut device = device::open(args.device, args.threads, args.validate)?;
     let scene = load_scene(&args.scene, args.triangles, &args.read)?;
     let tree = match &args.tree {
-        Some(path) => read_tree(path, &scene)?,
+        Some(path) => match (read_tree(path, &scene)?, wide) {
+            (AnyTree::Wide(_), Some(_)) => {
+                anyhow::bail!("{}: is wide already, so that --width does not fit", path.display())
+            }
+            (AnyTree::Binary(tree), Some(wide)) => {
+                AnyTree::Wide(PackedTree::new(&prbvh::wide::collapse(&tree, &wide)?, wide.layout)?)
+            }
+            (tree, None) => tree,
+        },
         None => {
-            let settings = Settings::default().with(|s| s.adaptive = args.leaves.settings());
+            let settings = Settings::default().with(|s| {
+                s.adaptive = args.leaves.settings();
+                s.wide = wide;
+            });
             let bar = log.bar(settings.prbvh.limits.max_iterations);
             let result = pipeline::optimize(&scene, &mut *device, &settings, &mut |row| {
                 bar.set_position(u64::from(row.iteration));
                 ControlFlow::Continue(())
             });
             log.end_bar();
-            result?.tree
+            let result = result?;
+            result.wide.map_or(AnyTree::Binary(result.tree), |wide| AnyTree::Wide(wide.tree))
         }
     };
     tracing::info!("{}: {} triangles, rendering on {}", scene.name, scene.triangles.len(), device.info().name);
-    let rendering = picture(args, &mut *device, &scene, &tree)?;
+    let rendering = picture(args, &mut *device, &scene, tree.traced())?;
     if rendering.primary.hits == 0 {
         tracing::warn!("no triangle is in view: the picture shows the sky alone");
     }
@@ -60,7 +74,12 @@ pub(super) fn run(args: &RenderArgs, log: &Log, interrupt: &Interrupt) -> anyhow
     Ok(ExitCode::SUCCESS)
 }
 
-fn picture(args: &RenderArgs, device: &mut dyn Device, scene: &Scene, tree: &Bvh) -> anyhow::Result<Rendering> {
+fn picture(
+    args: &RenderArgs,
+    device: &mut dyn Device,
+    scene: &Scene,
+    tree: TracedTree<'_>,
+) -> anyhow::Result<Rendering> {
     let mut camera = clear_view(args.view, device, scene, tree, args.up as usize)?;
     if let Some(eye) = args.eye {
         camera.eye = eye;
@@ -75,29 +94,28 @@ fn picture(args: &RenderArgs, device: &mut dyn Device, scene: &Scene, tree: &Bvh
 }
 
 /// The tree of a file, if it is one over this scene.
-fn read_tree(path: &Path, scene: &Scene) -> anyhow::Result<Bvh> {
-    let file = bvh::file::read(path)?;
+fn read_tree(path: &Path, scene: &Scene) -> anyhow::Result<AnyTree> {
+    let (tree, scene_hash) = AnyTree::read(path)?;
     ensure!(
-        file.scene_hash == scene.hash,
-        "{} was made for the scene with hash {}, but {} has {}",
+        scene_hash == scene.hash,
+        "{} was made for the scene with hash {scene_hash}, but {} has {}",
         path.display(),
-        file.scene_hash,
         scene.source,
         scene.hash
     );
-    if let Err(faults) = bvh::validate(&file.tree, Some(&scene.triangles)) {
-        anyhow::bail!("{}: no tree over {}: {}", path.display(), scene.source, bvh::summary(&faults));
+    if let Err(faults) = tree.validate(Some(&scene.triangles)) {
+        anyhow::bail!("{}: no tree over {}: {}", path.display(), scene.source, faults.join("\n"));
     }
-    Ok(file.tree)
+    Ok(tree)
 }
 
-fn json(scene: &Scene, device: &dyn Device, tree: &Bvh, rendering: &Rendering) -> serde_json::Result<String> {
+fn json(scene: &Scene, device: &dyn Device, tree: &AnyTree, rendering: &Rendering) -> serde_json::Result<String> {
     serde_json::to_string_pretty(&serde_json::json!({
         "scene": scene.name,
         "triangles": scene.triangles.len(),
         "notes": scene.notes,
         "device": device.info().name,
-        "tree_hash": bvh::tree_hash(tree),
+        "tree_hash": tree.hash(),
         "width": rendering.width,
         "height": rendering.height,
         "primary": rendering.primary,

@@ -3,6 +3,7 @@
 use super::leaves::LeavesArgs;
 use super::read_args::ReadArgs;
 use super::values::{BUILT_IN, threads};
+use super::wide_args::WideArgs;
 use clap::{Args, ValueEnum};
 use prbvh::device::DeviceChoice;
 use prbvh_lab::render::RenderSettings;
@@ -18,11 +19,13 @@ pub(super) struct RenderArgs {
     pub(super) triangles: Option<usize>,
     #[command(flatten)]
     pub(super) read: ReadArgs,
-    /// A tree of the scene, as `prbvh optimize --out` writes it [default: one is built and optimised].
+    /// A tree of the scene, binary or wide, as `prbvh optimize --out` writes it; of a binary one --width and --layout make a wide one [default: one is built and optimised].
     #[arg(long, value_name = "FILE", conflicts_with_all = ["leaves", "max_leaf", "c_traversal", "c_intersect"])]
     pub(super) tree: Option<PathBuf>,
     #[command(flatten)]
     pub(super) leaves: LeavesArgs,
+    #[command(flatten)]
+    pub(super) wide: WideArgs,
     /// The picture, a PNG file.
     #[arg(short, long, value_name = "FILE", default_value = "render.png")]
     pub(super) out: PathBuf,

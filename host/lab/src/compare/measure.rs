@@ -12,6 +12,7 @@ use prbvh::optimize::{IterationRow, StopReason};
 use prbvh::pipeline::{self, Optimizer, Settings};
 use prbvh::scene::{SafeRange, Scene};
 use prbvh::stop::Stop;
+use prbvh::wide::PackedTree;
 use prbvh_kernel::setup::Triangle;
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -40,6 +41,8 @@ pub(super) struct Host {
 #[derive(Clone, Debug)]
 pub(super) struct Made {
     pub(super) tree: Bvh,
+    /// The tree that rays go through in place of the one with adaptive leaves.
+    pub(super) wide: Option<PackedTree>,
     pub(super) quality: Quality,
     /// What the bound on the depth changed.
     pub(super) bound: Option<DepthBound>,
@@ -99,8 +102,9 @@ impl<'a> Subject<'a> {
             plan: result.plan.lines(),
             ..run_of_builder(&result.quality, result.build_s)
         };
+        let wide = result.wide.map(|wide| wide.tree);
         let made = metered(&meter, result.tree, result.quality, result.build_s + result.optimize_s, run);
-        Ok(Made { bound: result.bound, ..made })
+        Ok(Made { bound: result.bound, wide, ..made })
     }
 
     fn on_host(&self, job: &Job, threads: usize, build: HostBuilder, host: &Host) -> Result<Made, MethodError> {
@@ -145,6 +149,7 @@ impl<'a> Subject<'a> {
         Made {
             hash: bvh::tree_hash(&tree),
             tree,
+            wide: None,
             quality,
             bound: None,
             wall_s,
@@ -192,6 +197,7 @@ fn metered(meter: &Meter<'_>, tree: Bvh, quality: Quality, wall_s: f64, run: Opt
     Made {
         hash: bvh::tree_hash(&tree),
         tree,
+        wide: None,
         quality,
         bound: None,
         wall_s,

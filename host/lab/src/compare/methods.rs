@@ -12,6 +12,7 @@ use prbvh::device::cpu::CpuDevice;
 use prbvh::optimize::{self, IterationRow, Order, RbvhSettings, RotationSettings, StopReason};
 use prbvh::pipeline::{Initial, Optimizer, PipelineError, Settings, build_on_host};
 use prbvh::stop::Stop;
+use prbvh::wide::{Layout, WideSettings, Width};
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
 use std::num::NonZeroU32;
@@ -178,6 +179,12 @@ const METHODS: &[Entry] = &[
         is_default: false,
         jobs: |_| presets::CANDIDATES.iter().filter_map(candidate).collect(),
     },
+    // The tree of `worst-first`, its rays through nodes of four and eight children.
+    Entry {
+        name: "wide",
+        is_default: false,
+        jobs: |_| WIDE.iter().map(|&(name, width, layout)| wide(name, width, layout)).collect(),
+    },
 ];
 
 /// Initial trees beside LBVH that the optimiser is started from, for the figure of them and for the methods `starts`: whoever adds a builder adds a row here.
@@ -240,6 +247,22 @@ pub(super) fn worst_first(settings: Settings) -> Job {
     let prbvh = settings.prbvh.clone().with(|s| s.order = Order::WorstFirst);
     let builder = Builder::Pipeline(Box::new(settings.with(|s| s.prbvh = prbvh)));
     Job { method: "prbvh worst first".to_owned(), mu: None, builder }
+}
+
+/// Rows of `wide`.
+const WIDE: [(&str, Width, Layout); 3] = [
+    ("prbvh worst first, bvh4", Width::Four, Layout::Soa),
+    ("prbvh worst first, bvh8", Width::Eight, Layout::Soa),
+    ("prbvh worst first, cwbvh", Width::Eight, Layout::Cwbvh),
+];
+
+fn wide(method: &str, width: Width, layout: Layout) -> Job {
+    let wide = WideSettings::default().with(|s| {
+        s.width = width;
+        s.layout = layout;
+    });
+    let settings = Settings::default().with(|s| s.wide = Some(wide));
+    Job { method: method.to_owned(), ..worst_first(settings) }
 }
 
 /// A setting that presets are chosen from; none where this program was built without its initial tree.

@@ -2,10 +2,9 @@
 
 use super::{MethodError, Picture, RaySettings};
 use crate::render::{
-    Camera, RayCost, RenderError, RenderSettings, Rendering, clear_view, encode_png, heat_map, heat_map_in, render,
-    shaded,
+    Camera, RayCost, RenderError, RenderSettings, Rendering, TracedTree, clear_view, encode_png, heat_map, heat_map_in,
+    render, shaded,
 };
-use prbvh::bvh::Bvh;
 use prbvh::device::Device;
 use prbvh::scene::Scene;
 
@@ -80,7 +79,7 @@ impl Views {
         &mut self,
         device: &mut dyn Device,
         scene: &Scene,
-        tree: &Bvh,
+        tree: TracedTree<'_>,
         settings: (&RaySettings, usize),
         heat_of: Option<&str>,
     ) -> Result<Traced, MethodError> {
@@ -175,7 +174,7 @@ mod tests {
             s.optimizer = Optimizer::None;
         });
         let tree = optimize(&scene, &mut device, &settings, &mut |_| ControlFlow::Continue(())).unwrap().tree;
-        views.trace(&mut device, &scene, &tree, (&SMALL, 1), Some("any")).unwrap()
+        views.trace(&mut device, &scene, (&tree).into(), (&SMALL, 1), Some("any")).unwrap()
     }
 
     #[test]

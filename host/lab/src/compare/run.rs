@@ -13,6 +13,7 @@ use super::{
 use crate::machine::Machine;
 use crate::program::Program;
 use crate::reference::{ReferenceCost, ReferenceCosts};
+use crate::render::TracedTree;
 use prbvh::bvh::{MaxDepth, SahModel};
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{Device, DeviceError, Stoppable};
@@ -113,7 +114,8 @@ fn warm_up(devices: &mut [Box<dyn Device>], settings: &CompareSettings, host: &H
             let warmed = subject.make(job, &mut **device, &quiet).and_then(|made| {
                 let (tree, _) = subject.adaptive(&made.tree, &mut **device)?;
                 if settings.rays.is_some() {
-                    Views::default().trace(&mut **device, &scene, &tree, (&small, 1), None)?;
+                    let tree = made.wide.as_ref().map_or(TracedTree::Binary(&tree), TracedTree::Wide);
+                    Views::default().trace(&mut **device, &scene, tree, (&small, 1), None)?;
                 }
                 Ok(())
             });

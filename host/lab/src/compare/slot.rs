@@ -6,6 +6,7 @@ use super::measure::{Host, Made, Subject};
 use super::methods::{Builder, Job};
 use super::rays::{Hits, Traced, Views, sees_nothing};
 use super::{MethodError, MethodRow, OptimizerRun, RayRates, RaySettings, median};
+use crate::render::TracedTree;
 use prbvh::bvh::{self, DepthBound, Epo, Quality, SahModel};
 use prbvh::device::{Device, DeviceError};
 use std::ops::ControlFlow;
@@ -132,6 +133,7 @@ impl Slot<'_> {
         self.walls.push(made.wall_s);
         self.kernels.extend(made.device_s);
         let (adaptive, quality) = scene.subject.adaptive(&made.tree, &mut *devices[self.device])?;
+        let rayed = made.wide.as_ref().map_or(TracedTree::Binary(&adaptive), TracedTree::Wide);
         if let Some(first) = &mut self.first {
             first.adaptive = Some(quality);
         }
@@ -142,7 +144,7 @@ impl Slot<'_> {
             let wants_heat_map = self.has_heat_map && trace.device == 0 && trace.traced.is_none();
             let heat_of = (scene.pictures && wants_heat_map).then_some(self.job.method.as_str());
             let device = &mut *devices[trace.device];
-            let traced = scene.views.trace(device, scene.subject.scene, &adaptive, (&rays, up), heat_of)?;
+            let traced = scene.views.trace(device, scene.subject.scene, rayed, (&rays, up), heat_of)?;
             match &scene.reference {
                 None => {
                     if sees_nothing(&traced) {

@@ -1,10 +1,10 @@
 //! Views of a scene that face no wall.
 
-use super::{Camera, RenderError};
-use prbvh::bvh::{Bvh, ROOT};
+use super::traced::bounds;
+use super::{Camera, RenderError, TracedTree};
 use prbvh::device::Device;
 use prbvh::scene::Scene;
-use prbvh::trace::{NO_TRIANGLE, Query, Ray, TraceScene, trace};
+use prbvh::trace::{NO_TRIANGLE, Query, Ray, trace};
 
 /// Columns and rows of the rays that try a view.
 const GRID: [u32; 2] = [9, 7];
@@ -14,14 +14,14 @@ const GRID: [u32; 2] = [9, 7];
 ///
 /// # Errors
 /// As [`Camera::view`], or if the rays cannot be traced.
-pub fn clear_view(
+pub fn clear_view<'a>(
     number: u32,
     device: &mut dyn Device,
     scene: &Scene,
-    tree: &Bvh,
+    tree: impl Into<TracedTree<'a>>,
     up: usize,
 ) -> Result<Camera, RenderError> {
-    let candidates = Camera::views_from(number, &tree.nodes[ROOT as usize].aabb, up)?;
+    let candidates = Camera::views_from(number, &bounds(scene), up)?;
     let [first, _, ..] = candidates[..] else { return Ok(candidates[0]) };
     let mut rays = Vec::with_capacity(candidates.len() * (GRID[0] * GRID[1]) as usize);
     for camera in &candidates {
@@ -30,7 +30,7 @@ pub fn clear_view(
         rays.extend(grid(camera, frame));
     }
     let eyes: Vec<[f32; 3]> = candidates.iter().map(|camera| camera.eye).collect();
-    let mut traced = TraceScene::new(device, tree, &scene.triangles, &eyes)?;
+    let mut traced = tree.into().on(device, &scene.triangles, &eyes)?;
     let result = trace(device, &mut traced, &rays, Query::Closest);
     traced.free(device);
     let (hits, _) = result?;

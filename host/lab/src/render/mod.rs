@@ -3,16 +3,17 @@
 mod camera;
 mod clear;
 mod picture;
+mod traced;
 mod wave;
 
 pub use camera::Camera;
 pub use clear::clear_view;
 pub use picture::{Scale, encode_png, heat_map, heat_map_in, shaded, write_png};
+pub use traced::TracedTree;
 
-use prbvh::bvh::{Bvh, ROOT};
 use prbvh::device::{Device, DeviceError, Timing};
 use prbvh::scene::Scene;
-use prbvh::trace::{TraceError, TraceScene};
+use prbvh::trace::TraceError;
 use serde::Serialize;
 
 /// Largest side of a picture.
@@ -125,18 +126,17 @@ impl RenderSettings {
 ///
 /// # Errors
 /// If a setting is out of range, the tree is none over the scene's triangles, or the device refuses or fails.
-pub fn render(
+pub fn render<'a>(
     device: &mut dyn Device,
     scene: &Scene,
-    tree: &Bvh,
+    tree: impl Into<TracedTree<'a>>,
     camera: &Camera,
     settings: &RenderSettings,
 ) -> Result<Rendering, RenderError> {
     settings.check()?;
     let frame = camera.frame(settings.width, settings.height)?;
-    let mut traced = TraceScene::new(device, tree, &scene.triangles, &[camera.eye])?;
-    let bounds = tree.nodes[ROOT as usize].aabb;
-    let light = camera::AreaLight::of(camera, &bounds, traced.range());
+    let mut traced = tree.into().on(device, &scene.triangles, &[camera.eye])?;
+    let light = camera::AreaLight::of(camera, &traced::bounds(scene), traced.range());
     let mut result = wave::render(device, &traced, scene, camera, &frame, &light, settings);
     if let Ok((_, unfinished)) = &result
         && *unfinished > 0

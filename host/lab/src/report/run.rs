@@ -9,8 +9,10 @@ use crate::reference::ReferenceCost;
 use prbvh::bvh::{self, DepthBound, Quality, SahModel};
 use prbvh::device::{Device, DeviceInfo};
 use prbvh::optimize::IterationRow;
+use prbvh::pipeline::WideTree;
 use prbvh::plan::{DeviceCode, Item};
 use prbvh::scene::{Note, Scene};
+use prbvh::wide::WideQuality;
 use prbvh::{Optimized, Settings};
 use serde::{Deserialize, Serialize};
 
@@ -36,6 +38,9 @@ pub struct RunReport {
     pub reference: Option<RunReference>,
     /// SAH cost of the tree handed out by the costs of `settings.adaptive`; none if its leaves are single.
     pub adaptive_cost: Option<f64>,
+    /// The wide tree; none where nobody asked for one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wide: Option<WideReport>,
     /// Leaves of the tree handed out.
     pub leaves: u32,
     /// Most links between root and leaf of the tree handed out.
@@ -111,6 +116,7 @@ impl RunReport {
             final_cost: result.quality.sah_cost,
             reference: None,
             adaptive_cost: result.adaptive.map(|quality| quality.sah_cost),
+            wide: result.wide.as_ref().map(WideReport::of),
             leaves: handed_out.leaves,
             depth: handed_out.max_depth,
             bound: result.bound,
@@ -150,6 +156,27 @@ impl RunReport {
         };
         let final_error = if cost == reference_cost { 0.0 } else { cost / reference_cost - 1.0 };
         self.reference = Some(RunReference { reference_cost, source, final_error });
+    }
+}
+
+/// The wide tree beside the one handed out.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct WideReport {
+    /// Quality by the costs that decided, boxes as they were before they were packed.
+    pub quality: WideQuality,
+    /// Bytes of nodes and triangle order.
+    pub bytes: usize,
+    /// The same for each triangle.
+    pub bytes_per_triangle: f64,
+    /// Hash of nodes and order ([`prbvh::wide::PackedTree::hash`]).
+    pub tree_hash: String,
+}
+
+impl WideReport {
+    fn of(wide: &WideTree) -> Self {
+        let WideTree { tree, quality, .. } = wide;
+        let (bytes, bytes_per_triangle) = (tree.bytes(), tree.bytes_per_triangle());
+        Self { quality: *quality, bytes, bytes_per_triangle, tree_hash: tree.hash() }
     }
 }
 

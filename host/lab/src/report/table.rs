@@ -43,6 +43,11 @@ fn outcome(report: &RunReport, width: u16) -> Table {
     if let Some(adaptive) = report.adaptive_cost {
         row("adaptive cost", format!("{} ({} leaves)", cost(adaptive), format::count(report.leaves.into())));
     }
+    if let (Some(wide), Some(settings)) = (&report.wide, &report.settings.run.wide) {
+        let children = format!("{} of {}", settings.layout, settings.width);
+        let per_triangle = format::significant(wide.bytes_per_triangle);
+        row("wide cost", format!("{} ({children}, {per_triangle} B per triangle)", cost(wide.quality.sah_cost)));
+    }
     if let Some(reference) = report.reference.as_ref().filter(|reference| reference.final_error > 0.0) {
         let error = 100.0 * reference.final_error;
         row("above the best known", format!("{error:.3} % ({})", cost(reference.reference_cost)));

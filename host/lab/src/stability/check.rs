@@ -5,6 +5,7 @@ use super::row::{Property, Row};
 use super::subject::{RunError, Subject, working_nodes};
 use super::{Lane, Method, rays};
 use crate::accuracy::{self, F32_COST_BOUND};
+use crate::render::TracedTree;
 use prbvh::bvh::{self, Bvh, SahModel, quality, topology_hash, tree_hash};
 use prbvh::device::Device;
 use prbvh::optimize::{Limits, Order, PrbvhSettings, StopReason};
@@ -254,7 +255,9 @@ impl Variants<'_> {
 
     fn rays(&self, row: &mut Row, device: &mut dyn Device) {
         let Ready { scene, rays: cast, hits: expected, .. } = self.ready;
-        match rays::through(&self.result.tree, &scene.triangles, cast, device) {
+        let wide = self.result.wide.as_ref().map(|wide| TracedTree::Wide(&wide.tree));
+        let tree = wide.unwrap_or(TracedTree::Binary(&self.result.tree));
+        match rays::through(tree, &scene.triangles, cast, device) {
             Err(error) => row.breach(Property::Rays, error.to_string()),
             Ok(hits) => match rays::first_difference(&hits, expected) {
                 Some(k) => {
@@ -265,7 +268,7 @@ impl Variants<'_> {
             },
         }
         let Some(eye) = self.ready.case.inside else { return };
-        match rays::indoors(&self.result.tree, scene, eye, device) {
+        match rays::indoors(tree, scene, eye, device) {
             Err(error) => row.breach(Property::Rays, error.to_string()),
             Ok([left, hit]) if left == 0 || hit < left => {
                 row.breach(Property::Rays, format!("{hit} of {left} rays that leave a wall of a closed room hit one"));

@@ -7,6 +7,7 @@ use prbvh::bvh::MaxDepth;
 use prbvh::collapse::CollapseSettings;
 use prbvh::optimize::{Limits, Order, PrbvhSettings, RbvhSettings, RotationSettings, Strategy};
 use prbvh::pipeline::{Initial, Optimizer, Settings};
+use prbvh::wide::{Layout, WideSettings, Width};
 
 /// A way from triangles to a tree.
 #[derive(Clone, Debug)]
@@ -75,6 +76,14 @@ impl Method {
         self
     }
 
+    fn with_wide_nodes(mut self, width: Width, layout: Layout) -> Self {
+        self.settings.wide = Some(WideSettings::default().with(|s| {
+            s.width = width;
+            s.layout = layout;
+        }));
+        self
+    }
+
     fn with_bounded_depth(mut self) -> Self {
         self.settings.max_depth = MaxDepth::default();
         self
@@ -120,5 +129,8 @@ pub fn methods() -> Vec<Method> {
         Method::published("ploc+prbvh-1", ploc(), 1),
         Method::worst_first("worst-first+adaptive", Initial::Lbvh).with_adaptive_leaves(),
         Method::worst_first("ploc+worst-first+bounded", ploc()).with_bounded_depth(),
+        Method::builder("lbvh+bvh4", Initial::Lbvh).with_wide_nodes(Width::Four, Layout::Soa),
+        Method::builder("lbvh+bvh8", Initial::Lbvh).with_wide_nodes(Width::Eight, Layout::Soa),
+        Method::worst_first("worst-first+cwbvh", Initial::Lbvh).with_wide_nodes(Width::Eight, Layout::Cwbvh),
     ]
 }

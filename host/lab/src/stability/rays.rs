@@ -1,10 +1,9 @@
 //! Rays through a tree against rays through all triangles, and rays that must not get out.
 
-use crate::render::{Camera, RenderError, RenderSettings, render};
-use prbvh::bvh::Bvh;
+use crate::render::{Camera, RenderError, RenderSettings, TracedTree, render};
 use prbvh::device::Device;
 use prbvh::scene::{Noise, Scene};
-use prbvh::trace::{NO_TRIANGLE, Query, Ray, TraceError, TraceRange, TraceScene, trace};
+use prbvh::trace::{NO_TRIANGLE, Query, Ray, TraceError, TraceRange, trace};
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::ray::Prepared;
 use prbvh_kernel::setup::Triangle;
@@ -34,8 +33,8 @@ fn starts(triangles: &[Triangle]) -> [[f32; 3]; 2] {
 ///
 /// # Errors
 /// If the device refuses or fails.
-pub(super) fn indoors(
-    tree: &Bvh,
+pub(super) fn indoors<'a>(
+    tree: impl Into<TracedTree<'a>>,
     scene: &Scene,
     eye: [f32; 3],
     device: &mut dyn Device,
@@ -73,13 +72,13 @@ pub(super) fn without_tree(triangles: &[Triangle], rays: &[Ray]) -> Result<Vec<(
 ///
 /// # Errors
 /// If the device refuses or fails.
-pub(super) fn through(
-    tree: &Bvh,
+pub(super) fn through<'a>(
+    tree: impl Into<TracedTree<'a>>,
     triangles: &[Triangle],
     rays: &[Ray],
     device: &mut dyn Device,
 ) -> Result<Vec<(f32, u32)>, TraceError> {
-    let mut scene = TraceScene::new(device, tree, triangles, &starts(triangles))?;
+    let mut scene = tree.into().on(device, triangles, &starts(triangles))?;
     let hits = trace(device, &mut scene, rays, Query::Closest);
     scene.free(device);
     Ok(hits?.0.iter().map(|hit| (hit.t, hit.triangle)).collect())
@@ -96,6 +95,7 @@ mod tests {
     use super::super::shapes;
     use super::*;
     use prbvh::build;
+    use prbvh::bvh::Bvh;
     use prbvh::device::cpu::CpuDevice;
 
     #[test]

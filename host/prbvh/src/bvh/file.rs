@@ -1,18 +1,15 @@
 //! `tree.bvh`: a tree on disk. The format is described in `docs/tree-format.md`.
 
+use super::envelope::{self, CHECKSUM_BYTES, HEADER_BYTES, Header};
+pub use super::file_error::TreeFileError;
 use super::layout::FlatTree;
 use super::parse::{NODE_BYTES, parse};
 use super::validate::structure_faults;
 use super::{Bvh, summary};
-use crate::write::{WriteError, write_atomically};
-use std::io;
-use std::path::{Path, PathBuf};
+use crate::write::write_atomically;
+use std::path::Path;
 
-/// First bytes of the file. Line ends and end-of-file mark betray a transfer as text.
-const MAGIC: [u8; 8] = *b"PRBVH\r\n\x1a";
 const VERSION: u32 = 1;
-const HEADER_BYTES: usize = 64;
-const CHECKSUM_BYTES: usize = 16;
 
 /// What a file holds.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,54 +19,6 @@ pub struct TreeFile {
     pub tree: Bvh,
     /// Hash of the scene that the tree was made for, 32 hexadecimal digits.
     pub scene_hash: String,
-}
-
-/// Why a tree file was not written or not read.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum TreeFileError {
-    /// The tree to be written is none.
-    #[error("{path}: not written, because the tree is broken:\n{faults}")]
-    BrokenTree {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with the tree.
-        faults: String,
-    },
-    /// The scene's hash to be written is none.
-    #[error("{path}: not written, because the scene hash `{hash}` is not made of 32 hexadecimal digits")]
-    SceneHash {
-        /// The file.
-        path: PathBuf,
-        /// What was given.
-        hash: String,
-    },
-    /// The file could not be written.
-    #[error(transparent)]
-    Write(#[from] WriteError),
-    /// The file could not be read.
-    #[error("{path} could not be read")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        #[source]
-        source: io::Error,
-    },
-    /// The file is not what it should be.
-    #[error("{path}: no tree file of version {VERSION}: at byte {offset}, {what} is {value}, but must be {need}")]
-    Malformed {
-        /// The file.
-        path: PathBuf,
-        /// Where.
-        offset: usize,
-        /// What stands there.
-        what: &'static str,
-        /// Its value.
-        value: String,
-        /// What must stand there.
-        need: String,
-    },
 }
 
 /// Writes a tree under a temporary name, syncs it and renames it: the file is whole or not there.
@@ -101,81 +50,45 @@ pub fn write(path: &Path, tree: &Bvh, scene_hash: &str) -> Result<(), TreeFileEr
 /// # Errors
 /// [`TreeFileError::Read`] if there is no such file, [`TreeFileError::Malformed`] if it is not exactly what [`write()`] writes.
 pub fn read(path: &Path) -> Result<TreeFile, TreeFileError> {
-    let failed = |source| TreeFileError::Read { path: path.to_owned(), source };
-    // A device or a pipe could go on for ever.
-    if !std::fs::metadata(path).map_err(failed)?.is_file() {
-        return Err(failed(io::Error::new(io::ErrorKind::InvalidInput, "not a regular file")));
-    }
-    decode(path, &std::fs::read(path).map_err(failed)?)
+    decode(path, &envelope::read(path)?)
+}
+
+/// The version of a tree file: 1 is read here, 2 by [`wide::file`](crate::wide::file).
+///
+/// # Errors
+/// [`TreeFileError::Read`] if there is no such file, [`TreeFileError::Malformed`] if it is no tree file of any version.
+pub fn version(path: &Path) -> Result<u32, TreeFileError> {
+    envelope::version(path, &envelope::read_start(path)?)
 }
 
 fn header(tree: &Bvh, scene_hash: &str) -> Option<[u8; HEADER_BYTES]> {
-    let hash = parse_hash(scene_hash)?;
-    let mut header = [0; HEADER_BYTES];
-    header[..8].copy_from_slice(&MAGIC);
-    header[8..12].copy_from_slice(&VERSION.to_le_bytes());
-    header[12..16].copy_from_slice(&(tree.triangle_order.len() as u32).to_le_bytes());
-    header[16..20].copy_from_slice(&(tree.nodes.len() as u32).to_le_bytes());
-    header[24..40].copy_from_slice(&hash);
-    Some(header)
-}
-
-fn parse_hash(hash: &str) -> Option<[u8; 16]> {
-    if hash.len() != 32 || !hash.bytes().all(|digit| digit.is_ascii_hexdigit()) {
-        return None;
-    }
-    u128::from_str_radix(hash, 16).ok().map(u128::to_be_bytes)
+    let hash = envelope::parse_hash(scene_hash)?;
+    Some(envelope::header(VERSION, [tree.triangle_order.len() as u32, tree.nodes.len() as u32, 0], hash))
 }
 
 fn decode(path: &Path, bytes: &[u8]) -> Result<TreeFile, TreeFileError> {
     let malformed = |offset: usize, what: &'static str, value: String, need: String| {
         Err(TreeFileError::Malformed { path: path.to_owned(), offset, what, value, need })
     };
-    let length = bytes.len();
     let smallest = HEADER_BYTES + NODE_BYTES + 4 + CHECKSUM_BYTES;
-    if length < MAGIC.len() || bytes[..MAGIC.len()] != MAGIC {
-        let found = bytes[..length.min(MAGIC.len())].escape_ascii().to_string();
-        return malformed(0, "the magic number", found, MAGIC.escape_ascii().to_string());
-    }
-    if length < smallest {
-        return malformed(length, "the length of the file", format!("{length} bytes"), format!("at least {smallest}"));
-    }
-    let word = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
-    if word(8) != VERSION {
-        return malformed(8, "the version", word(8).to_string(), VERSION.to_string());
-    }
-    let (triangles, nodes) = (word(12) as usize, word(16) as usize);
-    if let Some(at) = (20..24).chain(40..HEADER_BYTES).find(|&at| bytes[at] != 0) {
+    let Header { counts: [triangles, nodes, reserved], scene_hash } = Header::of(path, bytes, VERSION, smallest)?;
+    if reserved != 0 {
+        let at = 20 + reserved.trailing_zeros() as usize / 8;
         return malformed(at, "a reserved byte", bytes[at].to_string(), "0".to_owned());
     }
     if triangles == 0 {
         return malformed(12, "the number of triangles", "0".to_owned(), "at least 1".to_owned());
     }
-    if nodes.is_multiple_of(2) || nodes as u64 > 2 * triangles as u64 - 1 {
-        let need = format!("odd and at most {}", 2 * triangles as u64 - 1);
+    if nodes.is_multiple_of(2) || u64::from(nodes) > 2 * u64::from(triangles) - 1 {
+        let need = format!("odd and at most {}", 2 * u64::from(triangles) - 1);
         return malformed(16, "the number of nodes", nodes.to_string(), need);
     }
-    // In 64 bits, so that no count overflows. Nothing is allocated before the file is known to be as long as it says.
-    let need = (HEADER_BYTES + CHECKSUM_BYTES) as u64 + nodes as u64 * NODE_BYTES as u64 + triangles as u64 * 4;
-    if length as u64 != need {
-        let at = (length as u64).min(need) as usize;
-        return malformed(at, "the length of the file", format!("{length} bytes"), format!("{need} by its header"));
-    }
-    let checksum_at = length - CHECKSUM_BYTES;
-    let checksum = blake3::hash(&bytes[..checksum_at]);
-    if checksum.as_bytes()[..CHECKSUM_BYTES] != bytes[checksum_at..] {
-        let value = hex(&bytes[checksum_at..]);
-        return malformed(checksum_at, "the checksum", value, checksum.to_hex()[..2 * CHECKSUM_BYTES].to_owned());
-    }
-    let order_at = HEADER_BYTES + nodes * NODE_BYTES;
-    match parse(&bytes[HEADER_BYTES..order_at], &bytes[order_at..checksum_at]) {
-        Ok(tree) => Ok(TreeFile { tree, scene_hash: hex(&bytes[24..40]) }),
+    let body = envelope::body(path, bytes, u64::from(nodes) * NODE_BYTES as u64 + u64::from(triangles) * 4)?;
+    let (nodes, order) = body.split_at(nodes as usize * NODE_BYTES);
+    match parse(nodes, order) {
+        Ok(tree) => Ok(TreeFile { tree, scene_hash }),
         Err(error) => malformed(HEADER_BYTES + error.offset, error.what, error.value.to_string(), error.need),
     }
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Files come back as they were, and a file with anything wrong in it is refused with the place named.
 
+use super::super::envelope::MAGIC;
 use super::super::testing::{Rng, renumbered, tree};
 use super::super::{tree_hash, validate};
 use super::*;

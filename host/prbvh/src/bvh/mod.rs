@@ -17,10 +17,14 @@
 mod decode;
 mod depth;
 mod encode;
+#[cfg(feature = "files")]
+pub(crate) mod envelope;
 mod epo;
 mod fault;
 #[cfg(feature = "files")]
 pub mod file;
+#[cfg(feature = "files")]
+mod file_error;
 mod hash;
 mod layout;
 #[cfg(feature = "files")]
@@ -39,6 +43,7 @@ pub use epo::{Epo, EpoProgress, epo, epo_budget, epo_watched};
 pub use fault::{Link, TreeFault, summary};
 pub use hash::{topology_hash, tree_hash};
 pub use layout::{FlatNode, FlatTree};
+pub(crate) use quality::half_area;
 pub use quality::{Quality, SahModel, quality};
 pub use references::validate_references;
 pub(crate) use references::{pieces, reference_faults};
@@ -91,7 +96,7 @@ pub enum Content {
 
 impl Bvh {
     /// Nodes in depth-first order, left before right, each before its children: the same for every numbering of one tree.
-    fn preorder(&self) -> Vec<u32> {
+    pub(crate) fn preorder(&self) -> Vec<u32> {
         let mut order = Vec::with_capacity(self.nodes.len());
         let mut stack = vec![ROOT];
         while let Some(v) = stack.pop() {

@@ -92,7 +92,7 @@ pub fn quality(tree: &Bvh, model: &SahModel) -> Quality {
 }
 
 /// Half the surface area, scene units². Extents of the largest f32 give 1e78: no overflow.
-pub(super) fn half_area(aabb: &Aabb) -> f64 {
+pub(crate) fn half_area(aabb: &Aabb) -> f64 {
     let [dx, dy, dz] = std::array::from_fn(|k| f64::from(aabb.max[k]) - f64::from(aabb.min[k]));
     dx * dy + dy * dz + dz * dx
 }

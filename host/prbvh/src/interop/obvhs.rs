@@ -1,10 +1,14 @@
-//! obvhs 0.4: [`Bvh2`], with any leaves, spatial splits included.
+//! obvhs 0.4: [`Bvh2`], with any leaves, spatial splits included, and [`CwBvh`].
 
 use crate::bvh::{Bvh, Content, FlatTree, SahModel, TreeFault, quality};
+use crate::wide::{Layout, NotPacked, PackedNodes, PackedTree, WideBvh, WideFault};
 use ::obvhs::aabb::Aabb as PeerAabb;
 use ::obvhs::bvh2::node::Bvh2Node;
 use ::obvhs::bvh2::{Bvh2, DEFAULT_MAX_STACK_DEPTH};
+use ::obvhs::cwbvh::CwBvh;
+use ::obvhs::cwbvh::node::CwBvhNode;
 use prbvh_kernel::aabb::Aabb;
+use prbvh_kernel::trace::wide::CwbvhNode;
 
 /// The tree with the boxes it has.
 ///
@@ -45,6 +49,36 @@ pub fn to_bvh2(tree: &Bvh) -> Bvh2 {
         max_depth: DEFAULT_MAX_STACK_DEPTH.max(depth + 1),
         ..Bvh2::default()
     }
+}
+
+/// The compressed tree as obvhs has it, byte for byte. Its traversal has a stack of 32 entries, one a level ([`quality`](crate::wide::quality()) has the
+/// levels).
+///
+/// # Errors
+/// If a leaf has more than three triangles.
+///
+/// # Panics
+/// If the links are no tree.
+pub fn to_cwbvh(tree: &WideBvh) -> Result<CwBvh, NotPacked> {
+    let packed = PackedTree::new(tree, Layout::Cwbvh)?;
+    let PackedNodes::Cwbvh(nodes) = &packed.nodes else { unreachable!("the layout that was asked for") };
+    let around = tree.nodes[0].aabb();
+    Ok(CwBvh {
+        nodes: nodes.iter().map(|node| bytemuck::cast::<CwbvhNode, CwBvhNode>(*node)).collect(),
+        total_aabb: PeerAabb { min: around.min.into(), max: around.max.into() },
+        exact_node_aabbs: None,
+        uses_spatial_splits: is_any_twice(&packed.order),
+        primitive_indices: packed.order,
+    })
+}
+
+/// The compressed tree of obvhs, with the boxes it has.
+///
+/// # Errors
+/// As [`PackedTree::unpack`].
+pub fn from_cwbvh(tree: &CwBvh) -> Result<WideBvh, Vec<WideFault>> {
+    let nodes = tree.nodes.iter().map(|node| bytemuck::cast::<CwBvhNode, CwbvhNode>(*node)).collect();
+    PackedTree { nodes: PackedNodes::Cwbvh(nodes), order: tree.primitive_indices.clone() }.unpack()
 }
 
 fn is_any_twice(order: &[u32]) -> bool {

@@ -41,7 +41,7 @@ pub struct OptimizedTree {
 /// is found it stays as it was. Every box that a leaf had around a primitive is covered afterwards: a ray meets what it met. Boxes of internal nodes
 /// are made anew, and need not be right before. After an error the tree is as it was.
 ///
-/// Of the settings [`Settings::initial`], [`Settings::morton_bits`] and [`Settings::fold_duplicates`] are not looked at. Whoever has a [`Scene`] and wants a
+/// Of the settings [`Settings::initial`], [`Settings::morton_bits`], [`Settings::fold_duplicates`] and [`Settings::wide`] are not looked at. Whoever has a [`Scene`] and wants a
 /// report of all stages calls [`optimize`] with [`Initial::Tree`].
 ///
 /// # Errors
@@ -75,7 +75,7 @@ pub fn optimize_tree(
     let references = references.map_err(|faults| PipelineError::GivenTree { faults })?;
     let scene = on_host(device, || Scene::from_boxes("tree", &references.boxes))?;
     let initial = Initial::from(references.tree.clone());
-    let settings = Settings { initial, adaptive, fold_duplicates: false, ..settings.clone() };
+    let settings = Settings { initial, adaptive, fold_duplicates: false, wide: None, ..settings.clone() };
     let done = optimize(&scene, device, &settings, observe)?;
 
     let sah = SahModel::default();

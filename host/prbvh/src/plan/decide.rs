@@ -18,6 +18,16 @@ const DUPLICATES: &str = "the tree is another one, of about the same cost: ask w
 /// A tree of fewer references has no internal node with a grandparent.
 const FEWEST_THAT_MOVE: usize = 4;
 
+/// Kernels of wide trees.
+const WIDE: [Kernel; 6] = [
+    Kernel::TraceBvh4,
+    Kernel::TraceBvh4Deep,
+    Kernel::TraceBvh8,
+    Kernel::TraceBvh8Deep,
+    Kernel::TraceCwbvh,
+    Kernel::TraceCwbvhDeep,
+];
+
 /// Why µ does not follow the conflicts.
 const MU_BY_CONFLICTS: &str = "a µ that falls where few moves collide took more searches to the same cost (docs/plan.md); µ falls when the cost settles";
 
@@ -38,6 +48,7 @@ pub(super) fn items(
     };
     items.extend(decide.optimizer()?);
     items.push(decide.collapse());
+    items.push(decide.wide());
     items.push(decide.attributes());
     items.push(decide.duplicates()?);
     items.push(decide.kernels());
@@ -240,6 +251,21 @@ impl Decide<'_> {
         // Sizes, places, emission; the jumps between them depend on the tree.
         item.saved.dispatches = 3;
         item
+    }
+
+    /// Wide trees are made on the host, and the buffers and kernels that trace them belong to no phase of a run.
+    fn wide(&self) -> Item {
+        let Some(wide) = &self.settings.wide else {
+            let mut item = item(Omission::Wide, Status::LeftOut, "nobody asked for them");
+            let without = Taken { kernels: WIDE.into(), ..Taken::default() };
+            item.saved = self.saving(&without, &Taken::default());
+            return item;
+        };
+        item(
+            Omission::Wide,
+            Status::Needed,
+            format!("{} children in the layout {} were asked for", wide.width, wide.layout),
+        )
     }
 
     fn attributes(&self) -> Item {

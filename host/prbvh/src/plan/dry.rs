@@ -7,6 +7,7 @@ use crate::device::{Buffer, Command, Device, DeviceError, DeviceInfo, MemoryUse,
 use crate::optimize::{Limits, PrbvhSettings, RotationSettings, prbvh_unchecked, rotations_unchecked};
 use crate::settings::Initial;
 use crate::trace::TraceScene;
+use crate::wide::{Layout, Width};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::setup::Triangle;
 use std::collections::BTreeSet;
@@ -173,6 +174,10 @@ impl DryDevice {
 
     pub(super) fn trace(&mut self, triangles: usize) -> Result<(), DeviceError> {
         TraceScene::reserve(self, triangles)
+    }
+
+    pub(super) fn trace_wide(&mut self, triangles: usize, width: Width, layout: Layout) -> Result<(), DeviceError> {
+        TraceScene::reserve_wide(self, triangles, width, layout)
     }
 
     fn tree(&mut self, triangles: usize) -> Result<DeviceTree, DeviceError> {

@@ -22,6 +22,8 @@ pub enum Omission {
     Paths,
     /// The collapse to adaptive leaves.
     Collapse,
+    /// Nodes of four and eight children.
+    Wide,
     /// Normals, texture coordinates, materials.
     Attributes,
     /// All but one of triangles with equal boxes, until the tree is optimised.
@@ -55,6 +57,7 @@ impl fmt::Display for Omission {
             Self::LockWord => "locks of two 32-bit words and their extra dispatch",
             Self::Paths => "paths of the reinsertions, for the conservative strategy",
             Self::Collapse => "collapse to adaptive leaves",
+            Self::Wide => "nodes of four and eight children",
             Self::Attributes => "normals, texture coordinates, materials",
             Self::Duplicates => "all but one of triangles with equal boxes",
             Self::Ancestors => "evaluation of ancestors as places to move to",

@@ -7,6 +7,7 @@ use crate::device::{DeviceError, DeviceInfo};
 use crate::optimize::{Order, PrbvhSettings, Strategy};
 use crate::scene::Scene;
 use crate::settings::{Optimizer, Settings};
+use crate::wide::WideSettings;
 
 /// The phases, and what each took.
 pub(super) type Phases = (Vec<PhaseBytes>, Vec<Taken>);
@@ -62,6 +63,9 @@ pub(super) fn phases(
     if let Optimizer::Rotations(rotations) = &settings.optimizer {
         let name = "optimise, rotations".to_owned();
         phases.push(phase(name, true, &|dry| dry.rotate(references, rotations, ITERATIONS))?);
+    }
+    if let Some(WideSettings { width, layout, .. }) = settings.wide {
+        phases.push(phase(format!("trace, {layout} of {width}"), false, &|dry| dry.trace_wide(n, width, layout))?);
     }
     Ok(phases.into_iter().unzip())
 }

@@ -36,6 +36,7 @@ fn settings_are_plain_keys_and_read_back() {
         ("fold_duplicates", json!(false)),
         ("max_depth", json!(63)),
         ("adaptive", Value::Null),
+        ("wide", Value::Null),
     ] {
         assert_eq!(plain[key], value, "{key}");
     }

@@ -3,8 +3,10 @@
 //! Hits are those of the scene, bit for bit the same for every tree over it and on every device ([`prbvh_kernel::ray`]); the numbers
 //! of tests are those of the tree.
 
+mod form;
 mod range;
 mod scene;
+mod wide;
 
 pub use range::TraceRange;
 pub use scene::TraceScene;
@@ -12,6 +14,7 @@ pub use scene::TraceScene;
 use crate::build::Scratch;
 use crate::bvh::{self, TreeFault};
 use crate::device::{Device, DeviceError, Recording, Timing};
+use crate::wide::{WideFault, summary as wide_summary};
 pub use prbvh_kernel::ray::{Hit, NO_TRIANGLE, Ray, SOME_TRIANGLE, UNFINISHED};
 
 /// What is asked of a ray.
@@ -34,6 +37,9 @@ pub enum TraceError {
     /// The tree is none over the triangles.
     #[error("no rays were traced, because the tree is broken: {}", bvh::summary(.0))]
     InvalidTree(Vec<TreeFault>),
+    /// The wide tree is none over the triangles.
+    #[error("no rays were traced, because the wide tree is broken: {}", wide_summary(.0))]
+    InvalidWideTree(Vec<WideFault>),
     /// A coordinate of a ray is no number, or where the scene was not made for.
     #[error("ray {ray}: {what} is {value}, but must be {need}")]
     Ray {

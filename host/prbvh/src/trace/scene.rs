@@ -1,12 +1,13 @@
 //! A tree and its triangles as the tracing kernels take them.
 
+use super::form::Form;
+use super::wide::{WideArrays, packed};
 use super::{Query, TraceError, TraceRange};
 use crate::bvh::{self, Bvh, Content, ROOT};
-use crate::device::{Buffer, Device, DeviceError, Recording, on_host};
-use prbvh_kernel::Kernel;
+use crate::device::{Buffer, Device, DeviceError, Lease, Recording, on_host};
+use crate::wide::{Layout as WideLayout, PackedTree, Width};
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::setup::Triangle;
-use prbvh_kernel::trace::stack::STATE_ROWS;
 use prbvh_kernel::trace::{LEAF, STEPS, TraceNode, TraceParams, TraceTriangle};
 
 /// Most bytes of a buffer for the stacks of deep trees.
@@ -22,8 +23,19 @@ pub struct TraceScene {
     root: u32,
     /// Nodes and triangles, more than any ray visits.
     most_steps: u64,
+    form: Form,
     depth: u32,
     range: TraceRange,
+}
+
+/// What goes on the device.
+struct Arrays<'a> {
+    form: Form,
+    /// The nodes, and the bytes of one.
+    nodes: (&'a [u8], usize),
+    triangles: &'a [TraceTriangle],
+    root: u32,
+    depth: u32,
 }
 
 /// The arrays of [`TraceScene`] on the host.
@@ -45,63 +57,62 @@ impl TraceScene {
         triangles: &[Triangle],
         starts: &[[f32; 3]],
     ) -> Result<Self, TraceError> {
-        let (range, working) = on_host(device, || {
-            let range = TraceRange::of(triangles, starts);
-            let working = range.triangles(triangles);
-            (range, working)
-        });
+        let (range, working) = working(device, triangles, starts);
         let faults = bvh::links_and_leaves(tree, triangles.len());
         if !faults.is_empty() {
             return Err(TraceError::InvalidTree(faults));
         }
         let depth = bvh::quality(tree, &bvh::SahModel::default()).max_depth;
-        let layout = Layout::new(&tree.clone().with_boxes_of(&working), &working);
-        let mut scratch = crate::build::Scratch::default();
-        match Self::upload(device, &mut scratch, &layout, depth, range) {
-            Ok(scene) => Ok(scene),
-            Err(error) => {
-                scratch.free(device);
-                Err(error.into())
-            }
-        }
+        let Layout { nodes, triangles, root } = Layout::new(&tree.clone().with_boxes_of(&working), &working);
+        let nodes = (bytemuck::cast_slice(&nodes), size_of::<TraceNode>());
+        Ok(Self::upload(device, &Arrays { form: Form::Binary, nodes, triangles: &triangles, root, depth }, range)?)
+    }
+
+    /// [`TraceScene::new`] with a wide tree. Hits are the same, bit for bit; a node counts as tests of as many boxes as it has slots.
+    ///
+    /// # Errors
+    /// As [`TraceScene::new`].
+    pub fn of_wide(
+        device: &mut dyn Device,
+        tree: &PackedTree,
+        triangles: &[Triangle],
+        starts: &[[f32; 3]],
+    ) -> Result<Self, TraceError> {
+        let (range, working) = working(device, triangles, starts);
+        let WideArrays { tree, triangles, levels } = on_host(device, || WideArrays::new(tree, &working))?;
+        let form = Form::Wide(tree.nodes.width(), tree.nodes.layout());
+        let nodes = (tree.nodes.bytes(), tree.nodes.node_bytes());
+        Ok(Self::upload(device, &Arrays { form, nodes, triangles: &triangles, root: 0, depth: levels }, range)?)
     }
 
     /// Allocates what a tree over so many triangles takes at most, and gives it back: for plans. Without stacks for deep trees.
     pub(crate) fn reserve(device: &mut dyn Device, triangles: usize) -> Result<(), DeviceError> {
-        let mut scratch = crate::build::Scratch::default();
-        let result = Self::buffers_of(device, &mut scratch, triangles.saturating_sub(1), triangles);
-        scratch.free(device);
-        result.map(|_| ())
+        reserve(device, triangles.saturating_sub(1), size_of::<TraceNode>(), triangles)
     }
 
-    /// Buffers of `nodes` internal nodes and of the triangles; no buffer may be empty.
-    fn buffers_of(
+    /// [`TraceScene::reserve`] of a wide tree: each node but a lone root has two children at least.
+    pub(crate) fn reserve_wide(
         device: &mut dyn Device,
-        scratch: &mut crate::build::Scratch,
-        nodes: usize,
         triangles: usize,
-    ) -> Result<[Buffer; 2], DeviceError> {
-        Ok([
-            scratch.allocate(device, "trace nodes", nodes.max(1), size_of::<TraceNode>())?,
-            scratch.allocate(device, "trace triangles", triangles, size_of::<TraceTriangle>())?,
-        ])
+        width: Width,
+        layout: WideLayout,
+    ) -> Result<(), DeviceError> {
+        reserve(device, triangles.saturating_sub(1), layout.node_bytes(width), triangles)
     }
 
-    fn upload(
-        device: &mut dyn Device,
-        scratch: &mut crate::build::Scratch,
-        layout: &Layout,
-        depth: u32,
-        range: TraceRange,
-    ) -> Result<Self, DeviceError> {
-        let [nodes, triangles] = Self::buffers_of(device, scratch, layout.nodes.len(), layout.triangles.len())?;
-        device.upload(&nodes, bytemuck::cast_slice(&layout.nodes))?;
-        device.upload(&triangles, bytemuck::cast_slice(&layout.triangles))?;
-        let most_steps = layout.nodes.len() as u64 + layout.triangles.len() as u64;
-        let mut scene = Self { nodes, triangles, stacks: None, root: layout.root, most_steps, depth, range };
-        if kernel(depth) == Kernel::TraceDeep {
+    fn upload(device: &mut dyn Device, arrays: &Arrays<'_>, range: TraceRange) -> Result<Self, DeviceError> {
+        let device = &mut Lease::new(device);
+        let Arrays { form, nodes: (nodes, node_bytes), triangles: leaves, root, depth } = *arrays;
+        let count = nodes.len() / node_bytes;
+        let [on_device, triangles] = buffers_of(device, count, node_bytes, leaves.len())?;
+        device.upload(&on_device, nodes)?;
+        device.upload(&triangles, bytemuck::cast_slice(leaves))?;
+        let most_steps = count as u64 + leaves.len() as u64;
+        let mut scene = Self { nodes: on_device, triangles, stacks: None, root, most_steps, form, depth, range };
+        if form.kernel(depth) == form.deep_kernel() {
             scene.go_deep(device)?;
         }
+        device.keep();
         Ok(scene)
     }
 
@@ -111,7 +122,7 @@ impl TraceScene {
     /// If the device has no memory for the stacks.
     pub fn go_deep(&mut self, device: &mut dyn Device) -> Result<(), DeviceError> {
         if self.stacks.is_none() {
-            let rows = self.rows();
+            let rows = self.form.rows(self.depth);
             let words = (STACK_BYTES / 4 / rows).max(1) * rows;
             self.stacks = Some(device.allocate("stacks", words, 4)?);
         }
@@ -124,24 +135,19 @@ impl TraceScene {
         self.stacks.is_some()
     }
 
-    /// Words per ray of the stacks.
-    fn rows(&self) -> usize {
-        (self.depth.max(1) + STATE_ROWS) as usize
-    }
-
     /// The coordinates on the device.
     #[must_use]
     pub fn range(&self) -> &TraceRange {
         &self.range
     }
 
-    /// Most links between root and leaf; as many words has a stack.
+    /// Most links between root and leaf, of a wide tree most nodes on a way; as many entries has a stack.
     #[must_use]
     pub fn depth(&self) -> u32 {
         self.depth
     }
 
-    /// The buffers of nodes, [`TraceNode`]s in breadth-first order, and of triangles.
+    /// The buffers of nodes, [`TraceNode`]s in breadth-first order or those of the [`PackedTree`], and of triangles.
     #[must_use]
     pub fn buffers(&self) -> [&Buffer; 2] {
         [&self.nodes, &self.triangles]
@@ -163,16 +169,16 @@ impl TraceScene {
             None => {
                 let params = params(0, count, 0);
                 let buffers = [nodes, triangles, rays, hits];
-                recording.dispatch(label, kernel(self.depth), count, &params, &buffers);
+                recording.dispatch(label, self.form.kernel(self.depth), count, &params, &buffers);
             }
             Some(stacks) => {
-                let at_once = u32::try_from(stacks.length / self.rows()).unwrap_or(u32::MAX);
+                let at_once = u32::try_from(stacks.length / self.form.rows(self.depth)).unwrap_or(u32::MAX);
                 for first in (0..count).step_by(at_once as usize) {
                     let here = at_once.min(count - first);
                     let buffers = [nodes, triangles, rays, hits, stacks];
                     for part in 0..self.most_steps.div_ceil(STEPS.into()) {
                         let params = params(first, here, u32::from(part > 0));
-                        recording.dispatch(label, Kernel::TraceDeep, here, &params, &buffers);
+                        recording.dispatch(label, self.form.deep_kernel(), here, &params, &buffers);
                     }
                 }
             }
@@ -189,27 +195,37 @@ impl TraceScene {
     }
 }
 
-/// The kernel whose stack holds a tree of this depth.
-fn kernel(depth: u32) -> Kernel {
-    match depth {
-        0..=32 => Kernel::Trace32,
-        33..=64 => Kernel::Trace64,
-        65..=128 => Kernel::Trace128,
-        _ => Kernel::TraceDeep,
-    }
+/// The coordinates on the device, and the triangles in them.
+fn working(device: &dyn Device, triangles: &[Triangle], starts: &[[f32; 3]]) -> (TraceRange, Vec<Triangle>) {
+    on_host(device, || {
+        let range = TraceRange::of(triangles, starts);
+        let working = range.triangles(triangles);
+        (range, working)
+    })
+}
+
+/// Buffers of `nodes` nodes and of the triangles; no buffer may be empty.
+fn buffers_of(
+    device: &mut dyn Device,
+    nodes: usize,
+    node_bytes: usize,
+    triangles: usize,
+) -> Result<[Buffer; 2], DeviceError> {
+    Ok([
+        device.allocate("trace nodes", nodes.max(1), node_bytes)?,
+        device.allocate("trace triangles", triangles, size_of::<TraceTriangle>())?,
+    ])
+}
+
+fn reserve(device: &mut dyn Device, nodes: usize, node_bytes: usize, triangles: usize) -> Result<(), DeviceError> {
+    let device = &mut Lease::new(device);
+    buffers_of(device, nodes, node_bytes, triangles).map(|_| ())
 }
 
 impl Layout {
     /// Internal nodes breadth-first, triangles leaf by leaf in the order of the tree.
     pub(super) fn new(tree: &Bvh, triangles: &[Triangle]) -> Self {
-        let mut packed: Vec<TraceTriangle> = tree
-            .triangle_order
-            .iter()
-            .map(|&id| {
-                let Triangle { a, b, c } = triangles[id as usize];
-                TraceTriangle { a, id, b, is_last: 0, c, unused: 0 }
-            })
-            .collect();
+        let mut leaves: Vec<TraceTriangle> = tree.triangle_order.iter().map(|&id| packed(id, triangles)).collect();
         let mut order = Vec::new();
         let mut numbers = vec![0u32; tree.nodes.len()];
         let mut level = vec![ROOT];
@@ -224,7 +240,7 @@ impl Layout {
                     }
                     Content::Leaf { first, count } => {
                         numbers[v as usize] = first | LEAF;
-                        packed[(first + count - 1) as usize].is_last = 1;
+                        leaves[(first + count - 1) as usize].is_last = 1;
                     }
                 }
             }
@@ -246,6 +262,6 @@ impl Layout {
             }
             Content::Leaf { .. } => unreachable!("only internal nodes are in the order"),
         };
-        Self { nodes: order.iter().map(node).collect(), triangles: packed, root: numbers[ROOT as usize] }
+        Self { nodes: order.iter().map(node).collect(), triangles: leaves, root: numbers[ROOT as usize] }
     }
 }

@@ -1,0 +1,32 @@
+//! The wide tree beside the one handed out.
+
+use super::PipelineError;
+use crate::bvh::Bvh;
+use crate::scene::Scene;
+use crate::wide::{self, PackedTree, WideQuality, WideSettings, collapse, validate};
+
+/// A wide tree.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct WideTree {
+    /// Its nodes in the layout that was asked for.
+    pub tree: PackedTree,
+    /// Quality by the costs that decided, of the boxes as they were before they were packed.
+    pub quality: WideQuality,
+}
+
+/// The wide tree of `tree`, validated as it is packed; of a tree of references (`is_split`) without the triangles.
+pub(super) fn wide_tree(
+    tree: &Bvh,
+    scene: &Scene,
+    is_split: bool,
+    settings: &WideSettings,
+) -> Result<WideTree, PipelineError> {
+    let invalid = |faults| PipelineError::InvalidWideTree { faults };
+    let wide = collapse(tree, settings)?;
+    let quality = wide::quality(&wide, &settings.costs());
+    let packed = PackedTree::new(&wide, settings.layout).expect("leaves were made for the layout");
+    let triangles = (!is_split).then_some(&*scene.triangles);
+    validate(&packed.unpack().map_err(invalid)?, triangles).map_err(invalid)?;
+    Ok(WideTree { tree: packed, quality })
+}
