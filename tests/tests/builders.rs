@@ -457,14 +457,13 @@ fn better_builders_make_better_trees() {
     assert!(sweep <= 1.1 * binned && binned < lbvh && ploc < 0.8 * lbvh, "{sweep} {binned} {ploc} {lbvh}");
 }
 
-fn initials() -> [Initial; 9] {
+fn initials() -> [Initial; 8] {
     let ploc = |places| Initial::Ploc { radius: radius(places) };
     let atrbvh = Initial::Atrbvh { treelet: TreeletSize::default() };
     let trbvh = Initial::Trbvh { passes: DEFAULT_PASSES };
     let hploc = Initial::Hploc { radius: DEFAULT_HPLOC_RADIUS };
-    let binned = |bins| Initial::SahBinned { bins };
-    let (few, many) = (binned(Bins::MIN), binned(Bins::DEFAULT));
-    [Initial::Lbvh, ploc(1), ploc(100), atrbvh, trbvh, hploc, Initial::SahSweep, few, many]
+    let binned = Initial::SahBinned { bins: Bins::DEFAULT };
+    [Initial::Lbvh, ploc(1), ploc(100), atrbvh, trbvh, hploc, Initial::SahSweep, binned]
 }
 
 fn run(scene: &Scene, initial: Initial, device: &mut dyn Device) -> Optimized {

@@ -3,7 +3,7 @@
 use crate::input::check_pointer;
 use crate::status::Failure;
 use bytemuck::Zeroable;
-use prbvh::build::DEFAULT_RADIUS;
+use prbvh::build::{Bins, DEFAULT_RADIUS};
 use prbvh::bvh::MaxDepth;
 use prbvh::device::{DeviceChoice, Selection};
 use prbvh::pipeline::{Initial, Settings};
@@ -160,7 +160,7 @@ impl PrbvhOptions {
         settings.initial = match self.initial {
             0 => Initial::Lbvh,
             1 => Initial::Ploc { radius: DEFAULT_RADIUS },
-            2 => Initial::SahBinned { bins: prbvh::build::Bins::DEFAULT },
+            2 => Initial::SahBinned { bins: Bins::DEFAULT },
             3 => Initial::SahSweep,
             other => {
                 return Err(Failure::argument(format!("options.initial is {other}, but the last PrbvhInitial is 3")));

@@ -114,7 +114,8 @@ fn is_followed(name: &str, order: Order, atomics_64: bool) -> bool {
         return atomics_64 && name == "worst-first+adaptive";
     }
     let locks = ["worst-first", "prbvh-9", "conservative-9"].contains(&name);
-    locks || atomics_64 && ["atrbvh", "ploc", "worst-first+adaptive"].contains(&name)
+    let others = ["atrbvh", "trbvh", "hploc", "ploc", "rotations-annealed", "worst-first+adaptive"];
+    locks || atomics_64 && others.contains(&name)
 }
 
 /// The methods on the smallest scene; the hashes of their trees by method.

@@ -1,6 +1,6 @@
 //! What a caller may ask for.
 
-use prbvh::build::DEFAULT_RADIUS;
+use prbvh::build::{Bins, DEFAULT_RADIUS};
 use prbvh::bvh::MaxDepth;
 use prbvh::device::DeviceChoice;
 use prbvh::pipeline::{Initial, Settings};
@@ -63,7 +63,7 @@ impl<'py> Options<'py> {
         settings.initial = match initial.as_str() {
             "lbvh" => Initial::Lbvh,
             "ploc" => Initial::Ploc { radius: DEFAULT_RADIUS },
-            "sah-binned" => Initial::SahBinned { bins: prbvh::build::Bins::DEFAULT },
+            "sah-binned" => Initial::SahBinned { bins: Bins::DEFAULT },
             "sah-sweep" => Initial::SahSweep,
             other => {
                 let need = "lbvh, ploc, sah-binned or sah-sweep";

@@ -139,7 +139,7 @@ addEventListener("load", () => {
       if (plot.querySelector(".chart") === null) continue;
       chart(plot, data.figures[plot.dataset.figure]);
       hover(plot, data.figures[plot.dataset.figure]);
-      if (counts.tools < 8) tools(plot, data.figures[plot.dataset.figure]);
+      if (counts.tools < 9) tools(plot, data.figures[plot.dataset.figure]);
       picture(plot);
     }
     const paper = [...document.styleSheets].flatMap((sheet) => [...sheet.cssRules]).filter((rule) => rule.media?.mediaText === "print");
