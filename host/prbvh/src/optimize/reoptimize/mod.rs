@@ -185,7 +185,8 @@ impl<'d> Reoptimizer<'d> {
             step.visits += done.visits;
             step.searched += done.searched;
             step.applied += done.applied;
-            if done.searched == 0 {
+            // Children of the root are on the list, too, and are not looked at: a small tree may have no others.
+            if done.visits == 0 {
                 return Ok(step);
             }
         }
