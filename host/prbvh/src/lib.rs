@@ -104,6 +104,7 @@
 //! | GPU and CPU | [`device`] |
 //! | initial trees alone | [`build`] |
 //! | leaves of several triangles | [`collapse`] |
+//! | references that are pieces of triangles | [`presplit`], [`build::sbvh()`] |
 //! | rays, to measure a tree | [`trace`] |
 //! | what a run leaves out, and why | [`plan`] |
 //! | an end from another thread | [`stop`] |
@@ -131,6 +132,7 @@ pub mod interop;
 pub mod optimize;
 pub mod pipeline;
 pub mod plan;
+pub mod presplit;
 mod references;
 pub mod scene;
 pub mod settings;

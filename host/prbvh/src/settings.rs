@@ -1,11 +1,12 @@
 //! What a run is asked for: initial tree, optimiser, leaves.
 
-use crate::build::{MortonBits, TreeletSize};
+use crate::build::{MortonBits, SbvhSettings, TreeletSize};
 use crate::bvh::{Bvh, MaxDepth};
 pub use crate::check::{FeatureOff, SettingError};
 use crate::collapse::CollapseSettings;
 pub use crate::given::GivenTree;
 use crate::optimize::{IterationRow, Limits, PrbvhSettings, RbvhSettings, WorstFirst};
+use crate::presplit::PresplitSettings;
 use std::fmt;
 use std::num::NonZeroU32;
 #[cfg(feature = "files")]
@@ -50,6 +51,8 @@ pub enum Initial {
     SahSweep,
     /// Binned SAH (Wald 2007), on the CPU.
     SahBinned,
+    /// SBVH (Stich, Friedrich & Dietrich 2009) with [`Settings::sbvh`], on the CPU: a triangle may be in several leaves.
+    Sbvh,
     /// A tree over the same scene that is in memory, from [`Initial::from`]. Leaves may hold any number of primitives, and a primitive may be in several
     /// leaves (spatial splits). Each primitive of a leaf becomes a leaf of its own; [`Settings::adaptive`] makes larger ones again.
     /// [`optimize_tree`](crate::pipeline::optimize_tree) keeps the leaves, or needs no scene.
@@ -101,7 +104,7 @@ impl Initial {
     }
 }
 
-/// As on the command line: `lbvh`, `ploc`, `atrbvh`, `sah-sweep`, `sah-binned`, or the path of the file; `tree` if it is in memory.
+/// As on the command line: `lbvh`, `ploc`, `atrbvh`, `sah-sweep`, `sah-binned`, `sbvh`, or the path of the file; `tree` if it is in memory.
 impl fmt::Display for Initial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -110,6 +113,7 @@ impl fmt::Display for Initial {
             Self::Atrbvh { .. } => f.write_str("atrbvh"),
             Self::SahSweep => f.write_str("sah-sweep"),
             Self::SahBinned => f.write_str("sah-binned"),
+            Self::Sbvh => f.write_str("sbvh"),
             Self::Tree(_) => f.write_str("tree"),
             #[cfg(feature = "files")]
             Self::File { path } => path.display().fmt(f),
@@ -172,6 +176,11 @@ pub struct Settings {
     pub initial: Initial,
     /// Length of the Morton codes.
     pub morton_bits: MortonBits,
+    /// What is split before the tree is built; none: every triangle is one reference. Not for trees that are there already, nor for [`Initial::Sbvh`], nor
+    /// with [`Settings::fold_duplicates`].
+    pub presplit: Option<PresplitSettings>,
+    /// Settings of [`Initial::Sbvh`].
+    pub sbvh: SbvhSettings,
     /// The optimiser.
     #[cfg_attr(feature = "serde", serde(flatten))]
     pub optimizer: Optimizer,
@@ -195,10 +204,34 @@ impl Settings {
     /// The first field whose value makes no sense.
     pub fn check(&self) -> Result<(), SettingError> {
         self.prbvh.check()?;
+        self.sbvh.check()?;
+        if let Some(presplit) = &self.presplit {
+            presplit.check()?;
+        }
+        self.check_splits()?;
         if let Optimizer::Rbvh(settings) = &self.optimizer {
             settings.check()?;
         }
         self.adaptive.as_ref().map_or(Ok(()), CollapseSettings::check)
+    }
+
+    /// Whether triangles are asked to be split.
+    #[must_use]
+    pub fn splits(&self) -> bool {
+        self.presplit.is_some() || self.initial == Initial::Sbvh
+    }
+
+    /// Refuses what is not done together with splits.
+    fn check_splits(&self) -> Result<(), SettingError> {
+        if self.presplit.is_some() && (self.initial.is_given() || self.initial == Initial::Sbvh) {
+            let need = "none with a tree that is given, or that has splits of its own";
+            return Err(SettingError { name: "presplit", value: "given".to_owned(), need });
+        }
+        if self.splits() && self.fold_duplicates {
+            let need = "false with presplit and with the initial tree sbvh";
+            return Err(SettingError { name: "fold_duplicates", value: "true".to_owned(), need });
+        }
+        Ok(())
     }
 
     /// What ends the optimiser early. Where there is none, the limits of [`Settings::prbvh`], which then end nothing.
@@ -234,6 +267,7 @@ macro_rules! with {
 }
 
 with!(Settings, PrbvhSettings, WorstFirst, RbvhSettings, Limits, CollapseSettings, IterationRow);
+with!(PresplitSettings, SbvhSettings);
 #[cfg(feature = "files")]
 with!(crate::scene::LoadOptions);
 
@@ -350,6 +384,7 @@ mod written_tests {
             ("fold_duplicates", json!(false)),
             ("max_depth", json!(63)),
             ("adaptive", Value::Null),
+            ("presplit", Value::Null),
         ] {
             assert_eq!(plain[key], value, "{key}");
         }

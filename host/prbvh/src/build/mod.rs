@@ -9,6 +9,7 @@ mod from_file;
 mod lbvh;
 mod order;
 mod ploc;
+mod sbvh;
 mod sort;
 mod sweep;
 mod top_down;
@@ -28,6 +29,7 @@ pub use codes::{CodeCensus, Codes, MOST_COMPARED};
 pub use from_file::{TreeOfFileError, from_file};
 pub use lbvh::lbvh;
 pub use ploc::{DEFAULT_RADIUS, ploc};
+pub use sbvh::{SbvhSettings, sbvh};
 #[cfg(feature = "atrbvh")]
 pub(crate) use sort::kernels as sort_kernels;
 pub use sweep::sah_sweep;

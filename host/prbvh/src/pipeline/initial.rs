@@ -12,13 +12,6 @@ use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
 use std::time::Instant;
 
-/// The tree that the caller has, with a reference in each leaf.
-pub(super) fn given_tree(scene: &Scene, initial: &Initial) -> Result<Option<References>, PipelineError> {
-    let Initial::Tree(tree) = initial else { return Ok(None) };
-    let references = References::split(tree, &scene.boxes());
-    references.map(Some).map_err(|faults| PipelineError::GivenTree { faults })
-}
-
 /// The tree to start from, on the device, and the times of its stages.
 pub(super) fn initial_tree(
     #[cfg_attr(
@@ -49,7 +42,7 @@ pub(super) fn initial_tree(
         Initial::Atrbvh { .. } => return Err(FeatureOff { method: "atrbvh", feature: "atrbvh" }.into()),
         Initial::SahSweep => ("sah sweep", until(on_host(device, || build::sweep_until(&working, stop)))?),
         Initial::SahBinned => ("sah binned", until(on_host(device, || build::binned_until(&working, stop)))?),
-        Initial::Tree(_) => {
+        Initial::Tree(_) | Initial::Sbvh => {
             let tree = given.map(|given| given.tree.clone()).ok_or(DeviceError::Stopped)?;
             ("read tree", tree.with_boxes_of(&working).to_device()?)
         }

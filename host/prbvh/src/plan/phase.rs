@@ -5,8 +5,11 @@ use super::bytes::PhaseBytes;
 use super::dry::{DryDevice, Taken};
 use crate::device::{DeviceError, DeviceInfo};
 use crate::optimize::{Order, PrbvhSettings, Strategy};
+use crate::presplit::is_on_device;
 use crate::scene::Scene;
 use crate::settings::{Optimizer, Settings};
+use bytemuck::Zeroable;
+use prbvh_kernel::setup::Triangle;
 
 /// The phases, and what each took.
 pub(super) type Phases = (Vec<PhaseBytes>, Vec<Taken>);
@@ -37,7 +40,11 @@ pub(super) fn phases(
     info: &DeviceInfo,
     settings: &Settings,
 ) -> Result<Phases, DeviceError> {
-    let (n, references) = (scene.triangles.len(), plan.references);
+    let references = plan.references;
+    // What comes after the optimiser knows nothing of folded triangles.
+    let most = scene.triangles.len().max(references);
+    let stand_ins = vec![Triangle::zeroed(); if references > scene.triangles.len() { references } else { 0 }];
+    let triangles = scene.triangles.get(..references).unwrap_or(&stand_ins);
     let phase = |name: String, runs, stage: &dyn Fn(&mut DryDevice) -> Result<(), DeviceError>| {
         let mut dry = DryDevice::new(info);
         stage(&mut dry)?;
@@ -45,7 +52,7 @@ pub(super) fn phases(
     };
     let mut phases: Vec<(PhaseBytes, Taken)> =
         vec![phase(format!("build, {}", settings.initial.method()), true, &|dry| {
-            dry.build(&settings.initial, plan.codes, &scene.triangles[..references])
+            dry.build(&settings.initial, plan.codes, triangles)
         })?];
     let published = |strategy| PrbvhSettings { order: Order::Published, strategy, ..settings.prbvh.clone() };
     for (name, prbvh) in [
@@ -57,7 +64,12 @@ pub(super) fn phases(
         let name = format!("optimise, {name}");
         phases.push(phase(name, runs, &|dry| dry.optimize(references, prbvh.clone(), ITERATIONS))?);
     }
-    phases.push(phase("collapse".to_owned(), plan.collapses, &|dry| dry.collapse(n))?);
-    phases.push(phase("trace".to_owned(), false, &|dry| dry.trace(n))?);
+    phases.push(phase("collapse".to_owned(), plan.collapses, &|dry| dry.collapse(most))?);
+    phases.push(phase("trace".to_owned(), false, &|dry| dry.trace(most))?);
+    let on_device = settings.presplit.filter(|presplit| plan.presplits && is_on_device(presplit));
+    if on_device.is_some() {
+        let triangles = scene.triangles.len();
+        phases.push(phase("presplit".to_owned(), true, &|dry| dry.presplit(triangles, references))?);
+    }
     Ok(phases.into_iter().unzip())
 }

@@ -2,7 +2,7 @@
 
 use super::super::testing::{Rng, device_tree, renumbered, tree};
 use super::super::{BvhNode, Content, NO_NODE, ROOT};
-use super::clip::clipped_area;
+use super::super::clip::clipped_area;
 use super::sample::{LEAST_STRATA, Sample, estimate};
 use super::*;
 use prbvh_kernel::aabb::Aabb;
@@ -137,7 +137,7 @@ fn intervals_cover_the_exact_value_and_no_other() {
         let exact = value(tree, triangles, &MODEL);
         let walk = Walk::new(tree, triangles.len(), &MODEL);
         let mut groups = groups(triangles, &walk);
-        groups.sort_unstable_by_key(|group| group.ranks[0]);
+        groups.sort_unstable_by_key(|group| group.held.ranks[0]);
         let sample = Sample::new(&walk, &groups);
         let watch = Watch::new(u64::MAX, &|_| ControlFlow::Continue(()));
         let estimates: Vec<[f64; 2]> =
