@@ -134,6 +134,7 @@ pub mod pipeline;
 pub mod plan;
 pub mod presplit;
 mod references;
+mod rounded;
 pub mod scene;
 pub mod settings;
 pub mod stop;

@@ -76,22 +76,23 @@ impl Grid {
         (if position < last { position } else { last }) as u32
     }
 
-    /// The coarsest plane of the grid across the longest axis of the box; where none parts it there, its middle, and then the next axis.
+    /// The coarsest plane of the grid that parts the box, of equally coarse ones the one across the longest axis; where there is none, the middle of the longest
+    /// axis that has one.
     #[inline(always)]
     #[must_use]
     pub fn plane(&self, aabb: &Aabb) -> Plane {
-        let extent = [aabb.max[0] - aabb.min[0], aabb.max[1] - aabb.min[1], aabb.max[2] - aabb.min[2]];
-        let mut axis = 0u32;
-        if extent[1] > extent[0] {
-            axis = 1;
-        }
-        if extent[2] > extent[axis as usize] {
-            axis = 2;
-        }
-        self.across(aabb, axis)
+        self.better(self.better(self.across(aabb, 0), self.across(aabb, 1), aabb), self.across(aabb, 2), aabb)
     }
 
-    /// The same across a given axis.
+    #[inline(always)]
+    fn better(&self, one: Plane, other: Plane, aabb: &Aabb) -> Plane {
+        let (k, l) = (one.axis as usize, other.axis as usize);
+        let is_longer = aabb.max[l] - aabb.min[l] > aabb.max[k] - aabb.min[k];
+        let is_better = !one.parts || other.level < one.level || (other.level == one.level && is_longer);
+        if other.parts && is_better { other } else { one }
+    }
+
+    /// The coarsest plane across an axis, or the middle.
     #[inline(always)]
     fn across(&self, aabb: &Aabb, axis: u32) -> Plane {
         let k = axis as usize;

@@ -4,6 +4,7 @@ use super::leaves::LeavesArgs;
 use super::optimizer::{Beside, OptimizerArgs};
 use super::preset::{self, PRESET_SETS};
 use super::scenes::ScenesArgs;
+use super::splits_args::SplitsArgs;
 use super::target::TargetArgs;
 use super::values::{not_negative, threads};
 use clap::builder::{OsStringValueParser, TypedValueParser};
@@ -23,7 +24,7 @@ use std::time::Duration;
 pub(super) struct OptimizeArgs {
     #[command(flatten)]
     pub(super) scenes: ScenesArgs,
-    /// Where the initial tree comes from: lbvh, ploc, atrbvh, sah-sweep, sah-binned, or a tree.bvh over the same scene.
+    /// Where the initial tree comes from: lbvh, ploc, atrbvh, sah-sweep, sah-binned, sbvh, or a tree.bvh over the same scene.
     #[arg(long, default_value = "lbvh", value_name = "BUILDER|FILE.bvh", value_parser = OsStringValueParser::new().try_map(initial))]
     pub(super) initial: Initial,
     /// Places in the Morton order that a cluster of ploc looks to either side [default: 16].
@@ -69,6 +70,8 @@ pub(super) struct OptimizeArgs {
     /// Most levels below the root, with one triangle per leaf: what is deeper is built anew; off or 0: no bound.
     #[arg(long, value_name = "LEVELS|off", default_value_t, allow_negative_numbers = true)]
     pub(super) max_depth: MaxDepth,
+    #[command(flatten)]
+    splits: SplitsArgs,
     #[command(flatten)]
     pub(super) leaves: LeavesArgs,
     /// auto, cpu, vulkan or vulkan:N.
@@ -132,6 +135,11 @@ impl OptimizeArgs {
             Some(preset) => preset::applied(preset, asked),
             None => asked,
         };
+        self.splits.apply(&mut settings)?;
+        settings.check()?;
+        if self.check_numerics && settings.splits() {
+            anyhow::bail!("--check-numerics is for trees without splits, not with --presplit or --initial sbvh");
+        }
         let limits = settings.limits_mut();
         limits.max_iterations = self.max_iterations.unwrap_or(limits.max_iterations);
         limits.max_time = self.max_time.map(|seconds| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX));
@@ -189,10 +197,13 @@ fn initial(text: OsString) -> Result<Initial, String> {
         Some("atrbvh") => Ok(Initial::Atrbvh { treelet: TreeletSize::default() }),
         Some("sah-sweep") => Ok(Initial::SahSweep),
         Some("sah-binned") => Ok(Initial::SahBinned),
+        Some("sbvh") => Ok(Initial::Sbvh),
         _ if Path::new(&text).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("bvh")) => {
             Ok(Initial::File { path: text.into() })
         }
-        _ => Err("neither lbvh, ploc, atrbvh, sah-sweep, sah-binned nor a tree file that ends in .bvh".to_owned()),
+        _ => {
+            Err("neither lbvh, ploc, atrbvh, sah-sweep, sah-binned, sbvh nor a tree file that ends in .bvh".to_owned())
+        }
     }
 }
 
@@ -225,7 +236,7 @@ mod tests {
         assert_eq!(initial("--initial sah-sweep"), Ok(Initial::SahSweep));
         assert_eq!(initial("--initial sah-binned"), Ok(Initial::SahBinned));
         assert_eq!(initial("--initial out/tree.BVH"), Ok(Initial::File { path: "out/tree.BVH".into() }));
-        for name in ["lbvh", "ploc", "sah-sweep", "sah-binned", "a.bvh"] {
+        for name in ["lbvh", "ploc", "sah-sweep", "sah-binned", "sbvh", "a.bvh"] {
             let arguments = format!("--initial {name}");
             assert_eq!(initial(&arguments).unwrap().to_string(), name);
         }
@@ -234,7 +245,7 @@ mod tests {
     #[test]
     fn what_is_no_initial_tree_is_refused() {
         for (arguments, part) in [
-            ("--initial sbvh", "sah-binned"),
+            ("--initial kd", "sah-binned"),
             ("--initial tree.obj", "ends in .bvh"),
             ("--initial ploc --radius 0", "0 is not in 1.."),
             ("--initial ploc --radius many", "many"),

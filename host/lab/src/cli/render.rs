@@ -85,7 +85,7 @@ fn read_tree(path: &Path, scene: &Scene) -> anyhow::Result<Bvh> {
         scene.source,
         scene.hash
     );
-    if let Err(faults) = bvh::validate(&file.tree, Some(&scene.triangles)) {
+    if let Err(faults) = bvh::validate_tree(&file.tree, &scene.triangles) {
         anyhow::bail!("{}: no tree over {}: {}", path.display(), scene.source, bvh::summary(&faults));
     }
     Ok(file.tree)

@@ -26,8 +26,17 @@ pub(super) fn run(args: &StatsArgs, log: &Log) -> anyhow::Result<ExitCode> {
             scene.hash
         );
     }
-    let triangles = scene.as_ref().map(|scene| scene.triangles.as_slice());
-    if let Err(faults) = bvh::validate(&file.tree, triangles) {
+    let triangles = file.tree.triangle_order.iter().max().map_or(0, |&last| last as usize + 1);
+    let references = file.tree.references();
+    let checked = match &scene {
+        Some(scene) => bvh::validate_tree(&file.tree, &scene.triangles),
+        None => {
+            let needs = "whose leaves hold pieces of triangles: it needs these, --scene";
+            anyhow::ensure!(!file.tree.has_splits(triangles), "{} is a tree {needs}", args.tree.display());
+            bvh::validate(&file.tree, None)
+        }
+    };
+    if let Err(faults) = checked {
         return report_faults(args, &faults);
     }
     let model = SahModel::default();
@@ -38,6 +47,9 @@ pub(super) fn run(args: &StatsArgs, log: &Log) -> anyhow::Result<ExitCode> {
         let mut json = serde_json::to_value(quality).context("quality as JSON")?;
         if let Some(json) = json.as_object_mut() {
             json.insert("valid".into(), true.into());
+            json.insert("triangles".into(), triangles.into());
+            json.insert("references".into(), references.into());
+            json.insert("references_per_triangle".into(), (references as f64 / triangles.max(1) as f64).into());
             json.insert("epo".into(), epo.map(|epo| epo.value).into());
             json.insert("epo_error".into(), epo.map(|epo| epo.error).into());
             json.insert("epo_drawn".into(), epo.map(|epo| epo.drawn).into());
@@ -66,7 +78,11 @@ pub(super) fn run(args: &StatsArgs, log: &Log) -> anyhow::Result<ExitCode> {
         print(&format!("stack        {} entries of an ordered traversal", quality.stack))?;
         print(&format!("nodes        {}", quality.nodes))?;
         print(&format!("leaves       {}", quality.leaves))?;
-        print(&format!("triangles    {}", quality.triangles))?;
+        print(&format!("triangles    {triangles}"))?;
+        if references > triangles {
+            let ratio = references as f64 / triangles as f64;
+            print(&format!("references   {references} ({ratio:.3} per triangle)"))?;
+        }
         print(&format!("tree hash    {hash}"))?;
         print(&format!("scene hash   {}", file.scene_hash))?;
     }

@@ -49,7 +49,7 @@ pub(super) fn check(ready: &Ready<'_>, method: &Method, lane: &mut Lane, is_firs
     };
     ended(&mut row, method, &result);
     costs(&mut row, method, &result);
-    match bvh::validate(&result.tree, Some(&ready.scene.triangles)) {
+    match bvh::validate_tree(&result.tree, &ready.scene.triangles) {
         Ok(_) => row.valid = true,
         Err(faults) => {
             // Nothing below can walk it.

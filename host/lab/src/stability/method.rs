@@ -7,6 +7,7 @@ use prbvh::bvh::MaxDepth;
 use prbvh::collapse::CollapseSettings;
 use prbvh::optimize::{Limits, Order, PrbvhSettings, RbvhSettings, Strategy};
 use prbvh::pipeline::{Initial, Optimizer, Settings};
+use prbvh::presplit::PresplitSettings;
 
 /// A way from triangles to a tree.
 #[derive(Clone, Debug)]
@@ -51,16 +52,25 @@ impl Method {
         self
     }
 
-    /// Whether it is PRBVH that goes on from the initial tree, to one triangle per leaf, and nothing comes after it: then its moves can be
+    /// Whether it is PRBVH that goes on from the initial tree, to one triangle per leaf, each of them whole, and nothing comes after it: then its moves can be
     /// looked at.
     #[must_use]
     pub fn has_moves(&self) -> bool {
         let Settings { optimizer, adaptive, max_depth, .. } = &self.settings;
-        self.optimizes && *optimizer == Optimizer::Prbvh && adaptive.is_none() && *max_depth == MaxDepth::OFF
+        !self.settings.splits()
+            && self.optimizes
+            && *optimizer == Optimizer::Prbvh
+            && adaptive.is_none()
+            && *max_depth == MaxDepth::OFF
     }
 
     fn with_adaptive_leaves(mut self) -> Self {
         self.settings.adaptive = Some(CollapseSettings::default());
+        self
+    }
+
+    fn with_splits(mut self) -> Self {
+        self.settings.presplit = Some(PresplitSettings::default());
         self
     }
 
@@ -96,5 +106,7 @@ pub fn methods() -> Vec<Method> {
         Method::published("ploc+prbvh-1", ploc(), 1),
         Method::worst_first("worst-first+adaptive", Initial::Lbvh).with_adaptive_leaves(),
         Method::worst_first("ploc+worst-first+bounded", ploc()).with_bounded_depth(),
+        Method::worst_first("presplit+worst-first+adaptive", Initial::Lbvh).with_splits().with_adaptive_leaves(),
+        Method::worst_first("sbvh+worst-first", Initial::Sbvh),
     ]
 }

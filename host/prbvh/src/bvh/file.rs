@@ -3,7 +3,7 @@
 use super::layout::FlatTree;
 use super::parse::{NODE_BYTES, parse};
 use super::validate::structure_faults;
-use super::{Bvh, summary};
+use super::{Bvh, reference_faults, summary};
 use crate::write::{WriteError, write_atomically};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -77,11 +77,15 @@ pub enum TreeFileError {
 /// # Errors
 /// If the tree's links are no tree, if `scene_hash` is not 32 hexadecimal digits, or if the file cannot be written.
 pub fn write(path: &Path, tree: &Bvh, scene_hash: &str) -> Result<(), TreeFileError> {
-    let faults = structure_faults(tree);
+    let splits_of = triangles_of_splits(tree);
+    let faults = match splits_of {
+        Some(triangles) => reference_faults(tree, Some(triangles as usize)),
+        None => structure_faults(tree),
+    };
     if !faults.is_empty() {
         return Err(TreeFileError::BrokenTree { path: path.to_owned(), faults: summary(&faults) });
     }
-    let header = header(tree, scene_hash)
+    let header = header(tree, splits_of.unwrap_or(0), scene_hash)
         .ok_or_else(|| TreeFileError::SceneHash { path: path.to_owned(), hash: scene_hash.to_owned() })?;
     let layout = FlatTree::new(tree).into_little_endian();
     let mut checksum = blake3::Hasher::new();
@@ -109,13 +113,20 @@ pub fn read(path: &Path) -> Result<TreeFile, TreeFileError> {
     decode(path, &std::fs::read(path).map_err(failed)?)
 }
 
-fn header(tree: &Bvh, scene_hash: &str) -> Option<[u8; HEADER_BYTES]> {
+/// Triangles of the scene, where one is in several leaves: every triangle is in one at least, so the last is there.
+fn triangles_of_splits(tree: &Bvh) -> Option<u32> {
+    let triangles = tree.triangle_order.iter().max()?.checked_add(1)?;
+    tree.has_splits(triangles as usize).then_some(triangles)
+}
+
+fn header(tree: &Bvh, splits_of: u32, scene_hash: &str) -> Option<[u8; HEADER_BYTES]> {
     let hash = parse_hash(scene_hash)?;
     let mut header = [0; HEADER_BYTES];
     header[..8].copy_from_slice(&MAGIC);
     header[8..12].copy_from_slice(&VERSION.to_le_bytes());
     header[12..16].copy_from_slice(&(tree.triangle_order.len() as u32).to_le_bytes());
     header[16..20].copy_from_slice(&(tree.nodes.len() as u32).to_le_bytes());
+    header[20..24].copy_from_slice(&splits_of.to_le_bytes());
     header[24..40].copy_from_slice(&hash);
     Some(header)
 }
@@ -144,12 +155,16 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<TreeFile, TreeFileError> {
     if word(8) != VERSION {
         return malformed(8, "the version", word(8).to_string(), VERSION.to_string());
     }
-    let (triangles, nodes) = (word(12) as usize, word(16) as usize);
-    if let Some(at) = (20..24).chain(40..HEADER_BYTES).find(|&at| bytes[at] != 0) {
+    let (triangles, nodes, splits_of) = (word(12) as usize, word(16) as usize, word(20));
+    if let Some(at) = (40..HEADER_BYTES).find(|&at| bytes[at] != 0) {
         return malformed(at, "a reserved byte", bytes[at].to_string(), "0".to_owned());
     }
     if triangles == 0 {
         return malformed(12, "the number of triangles", "0".to_owned(), "at least 1".to_owned());
+    }
+    if splits_of as usize >= triangles {
+        let need = format!("0, or with splits below {triangles}");
+        return malformed(20, "the number of triangles of a tree with splits", splits_of.to_string(), need);
     }
     if nodes.is_multiple_of(2) || nodes as u64 > 2 * triangles as u64 - 1 {
         let need = format!("odd and at most {}", 2 * triangles as u64 - 1);
@@ -168,7 +183,8 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<TreeFile, TreeFileError> {
         return malformed(checksum_at, "the checksum", value, checksum.to_hex()[..2 * CHECKSUM_BYTES].to_owned());
     }
     let order_at = HEADER_BYTES + nodes * NODE_BYTES;
-    match parse(&bytes[HEADER_BYTES..order_at], &bytes[order_at..checksum_at]) {
+    let of_splits = (splits_of > 0).then_some(splits_of);
+    match parse(&bytes[HEADER_BYTES..order_at], &bytes[order_at..checksum_at], of_splits) {
         Ok(tree) => Ok(TreeFile { tree, scene_hash: hex(&bytes[24..40]) }),
         Err(error) => malformed(HEADER_BYTES + error.offset, error.what, error.value.to_string(), error.need),
     }

@@ -84,8 +84,10 @@ impl Decide<'_> {
     fn presplit(&self) -> Option<Item> {
         let census = self.plan.presplit_census?;
         let candidates = format::count(census.candidates as u64);
-        let excess =
-            format!("a random ray through the scene meets {:.2} boxes of triangles without need", census.excess);
+        let excess = format!(
+            "a random ray meets {:.2} boxes of triangles without need, {:.2} of them large ones",
+            census.excess, census.excess_of_large
+        );
         Some(if self.plan.presplits {
             item(Omission::Presplit, Status::Needed, format!("{excess}; {candidates} triangles may be split"))
         } else if self.scene.primitives == Primitives::Boxes {

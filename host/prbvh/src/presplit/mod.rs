@@ -34,9 +34,9 @@ impl Default for PresplitSettings {
 #[non_exhaustive]
 pub enum PresplitForm {
     /// On the device, those through which the coarse planes of the scene's grid go (Karras & Aila 2013).
+    #[default]
     Level,
     /// On the device, those of large extents.
-    #[default]
     ExtentArea,
     /// On the host: the references of an [`Initial::Sbvh`](crate::settings::Initial::Sbvh) with this budget, without its tree.
     Sbvh,

@@ -6,6 +6,7 @@ use super::{PresplitForm, PresplitSettings};
 use crate::build::{Scratch, check_limits};
 use crate::device::{Buffer, Device, DeviceError, Lease, Recording, Timing, on_host};
 use crate::references::Pieces;
+use crate::rounded::{at_least, at_most};
 use crate::scene::SafeRange;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::presplit::pieces::{NO_PIECE, PiecesParams};
@@ -178,15 +179,4 @@ fn unscaled(piece: &Aabb, working: &Aabb, original: &Aabb, exponent: i32) -> Aab
         }
     }
     made
-}
-
-/// The largest float32 that is not above `x`.
-pub(crate) fn at_most(x: f64) -> f32 {
-    let rounded = x as f32;
-    if f64::from(rounded) > x { rounded.next_down() } else { rounded }
-}
-
-/// The smallest float32 that is not below `x`.
-pub(crate) fn at_least(x: f64) -> f32 {
-    -at_most(-x)
 }

@@ -1,5 +1,6 @@
 //! What of a triangle lies in a box, in f64.
 
+use crate::rounded::{at_least, at_most};
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::setup::Triangle;
 
@@ -24,7 +25,7 @@ pub(super) fn bounds_in(triangle: &Triangle, aabb: &Aabb) -> Option<Aabb> {
         for k in 0..3 {
             let slack = corner[k].abs() * ROUNDING;
             made.min[k] = made.min[k].min(at_most(corner[k] - slack));
-            made.max[k] = made.max[k].max(-at_most(-corner[k] - slack));
+            made.max[k] = made.max[k].max(at_least(corner[k] + slack));
         }
     }
     let made = common(&made, aabb);
@@ -37,12 +38,6 @@ pub(super) fn common(one: &Aabb, other: &Aabb) -> Aabb {
         min: std::array::from_fn(|k| one.min[k].max(other.min[k])),
         max: std::array::from_fn(|k| one.max[k].min(other.max[k])),
     }
-}
-
-/// The largest float32 that is not above `x`.
-fn at_most(x: f64) -> f32 {
-    let rounded = x as f32;
-    if f64::from(rounded) > x { rounded.next_down() } else { rounded }
 }
 
 struct Polygon {

@@ -1,0 +1,78 @@
+//! Settings as data: plain keys, and back.
+
+use super::{Initial, Optimizer, Settings};
+use crate::build::TreeletSize;
+use crate::collapse::CollapseSettings;
+use crate::optimize::{Epsilon, Limits, PrbvhSettings, RbvhSettings};
+use serde_json::{Value, json};
+use std::num::NonZeroU32;
+use std::time::Duration;
+
+fn written(settings: &Settings) -> Value {
+    let value = serde_json::to_value(settings).unwrap();
+    assert_eq!(serde_json::from_value::<Settings>(value.clone()).unwrap(), *settings, "{value}");
+    value
+}
+
+fn with_initial(initial: Initial) -> Value {
+    written(&Settings::default().with(|settings| settings.initial = initial))
+}
+
+#[test]
+fn settings_are_plain_keys_and_read_back() {
+    let plain = written(&Settings::default());
+    for (key, value) in [
+        ("initial", json!("lbvh")),
+        ("morton_bits", json!("60")),
+        ("optimizer", json!("prbvh")),
+        ("order", json!("worst-first")),
+        ("strategy", json!("aggressive")),
+        ("mu", json!(9)),
+        ("epsilon", json!(1e-4)),
+        ("epsilon_relative", json!(true)),
+        ("max_iterations", json!(1000)),
+        ("max_time_s", Value::Null),
+        ("target_cost", Value::Null),
+        ("fold_duplicates", json!(false)),
+        ("max_depth", json!(63)),
+        ("adaptive", Value::Null),
+        ("presplit", Value::Null),
+    ] {
+        assert_eq!(plain[key], value, "{key}");
+    }
+    assert!(plain["worst_first"]["first"] == 8 && plain.get("rbvh").is_none() && plain.get("radius").is_none());
+}
+
+#[test]
+fn what_is_chosen_brings_its_keys() {
+    let ploc = with_initial(Initial::Ploc { radius: NonZeroU32::new(7).unwrap() });
+    assert_eq!((&ploc["initial"], &ploc["radius"]), (&json!("ploc"), &json!(7)));
+    let atrbvh = with_initial(Initial::Atrbvh { treelet: TreeletSize::new(5).unwrap() });
+    assert_eq!((&atrbvh["initial"], &atrbvh["treelet"]), (&json!("atrbvh"), &json!(5)));
+    let file = with_initial(Initial::File { path: "a/tree.bvh".into() });
+    assert_eq!((&file["initial"], &file["path"]), (&json!("file"), &json!("a/tree.bvh")));
+    let limits = Limits::iterations(3).with(|limits| limits.max_time = Some(Duration::from_millis(1500)));
+    let rbvh = written(&Settings::default().with(|settings| {
+        settings.optimizer = Optimizer::Rbvh(RbvhSettings::default().with(|rbvh| rbvh.limits = limits));
+        settings.adaptive = Some(CollapseSettings::default());
+        settings.prbvh = PrbvhSettings::published().with(|prbvh| prbvh.epsilon = Epsilon::Absolute(0.1));
+    }));
+    assert_eq!((&rbvh["optimizer"], &rbvh["rbvh"]["max_time_s"]), (&json!("rbvh"), &json!(1.5)));
+    assert_eq!((&rbvh["epsilon"], &rbvh["epsilon_relative"]), (&json!(0.1), &json!(false)));
+    assert_eq!(rbvh["adaptive"]["sah"]["c_traversal"], 3.0);
+}
+
+#[test]
+fn what_no_setting_can_be_is_refused_on_the_way_in() {
+    let with = |key: &str, value: Value| {
+        let mut settings = written(&Settings::default());
+        settings[key] = value;
+        serde_json::from_value::<Settings>(settings).map_err(|error| error.to_string())
+    };
+    assert!(with("initial", json!("magic")).unwrap_err().contains("magic"));
+    assert!(with("max_time_s", json!(-1.0)).unwrap_err().contains("negative"));
+    assert!(with("mu", json!("nine")).unwrap_err().contains("nine"));
+    assert!(with("mu", json!(4)).is_ok());
+    let atrbvh = json!({ "initial": "atrbvh", "treelet": 99, "optimizer": "none", "epsilon": 0.1, "epsilon_relative": true, "max_iterations": 1 });
+    assert!(serde_json::from_value::<Settings>(atrbvh).unwrap_err().to_string().contains("4 to 32"));
+}

@@ -1,0 +1,78 @@
+//! Splits through the command: report, tree file, stats, pictures and rows of a comparison.
+
+use prbvh::pipeline::Initial;
+use prbvh_tests::command::{Ended, run};
+use serde_json::Value;
+use std::path::Path;
+use tempfile::tempdir;
+
+const PRBVH: &str = env!("CARGO_BIN_EXE_prbvh-under-test");
+
+fn prbvh(folder: &Path, arguments: &str) -> Ended {
+    run(PRBVH, folder, &arguments.split(' ').collect::<Vec<_>>())
+}
+
+/// Two walls across each other, none of them along an axis, and a heap of small triangles.
+fn scene() -> String {
+    let mut text = String::from("v -9 -9 0\nv 9 9 0\nv 9 9 9\nv -9 9 0\nv 9 -9 0\nv 9 -9 9\nf 1 2 3\nf 4 5 6\n");
+    for k in 0..60 {
+        let (x, y) = (k % 8, k / 8);
+        text += &format!("v {x} {y} 0\nv {x}.5 {y} 0\nv {x} {y}.5 0.5\nf -3 -2 -1\n");
+    }
+    text
+}
+
+#[test]
+fn a_tree_with_splits_goes_all_the_way() {
+    let folder = tempdir().unwrap();
+    std::fs::write(folder.path().join("walls.obj"), scene()).unwrap();
+    for (asked, out) in [("--presplit=0.5", "presplit"), ("--initial sbvh", "sbvh")] {
+        let optimize = format!("optimize walls.obj {asked} --device cpu --json --out {out}");
+        let report = prbvh(folder.path(), &optimize).ok().json();
+        let (references, built) = (report["references"].as_u64().unwrap(), report["splits"]["built"].as_u64().unwrap());
+        assert_eq!(report["triangles"], 62);
+        assert!(references > 62 && references <= built && built <= 93, "{asked}: {references} of {built}");
+        assert_eq!(report["reference"], Value::Null, "{asked}");
+
+        let stats = |more: &str| prbvh(folder.path(), &format!("stats {out}/tree.bvh{more}"));
+        let measured = stats(" --scene walls.obj --json").ok().json();
+        assert_eq!((&measured["references"], &measured["triangles"]), (&report["references"], &62.into()));
+        assert_eq!(measured["tree_hash"], report["tree_hash"]);
+        assert!(measured["epo"].as_f64().unwrap() > 0.0);
+        assert!(stats(" --scene walls.obj").ok().stdout.contains("per triangle)"));
+        stats("").refused(&["--scene", "pieces of triangles"]);
+
+        let picture = |tree: &str| {
+            let render = format!("render walls.obj{tree} --device cpu --size 24x16 --samples 1 -o {out}.png");
+            prbvh(folder.path(), &render).ok();
+            std::fs::read(folder.path().join(format!("{out}.png"))).unwrap()
+        };
+        assert!(picture("") == picture(&format!(" --tree {out}/tree.bvh")), "{asked}: another picture");
+        prbvh(folder.path(), &format!("optimize walls.obj --initial {out}/tree.bvh --device cpu"))
+            .refused(&["tree with splits"]);
+    }
+    assert!(prbvh(folder.path(), "optimize walls.obj --presplit --device cpu").ok().stdout.contains("per triangle, "));
+    assert_eq!(Initial::Sbvh.to_string(), "sbvh");
+}
+
+#[test]
+fn a_comparison_has_rows_of_splits_and_takes_no_error_from_them() {
+    let folder = tempdir().unwrap();
+    std::fs::write(folder.path().join("walls.obj"), scene()).unwrap();
+    let rays = "--size 24x16 --samples 1 --bounces 1 --views 2";
+    let compare = format!("compare walls.obj --device cpu --methods lbvh,worst-first,presplit,sbvh {rays} --json");
+    let json = prbvh(folder.path(), &compare).ok().json();
+    let rows = json["rows"].as_array().unwrap();
+    let methods: Vec<&str> = rows.iter().map(|row| row["method"].as_str().unwrap()).collect();
+    let split = ["presplit + lbvh + prbvh", "presplit + sah-sweep + prbvh", "sbvh", "sbvh + prbvh"];
+    assert_eq!(methods, [&["lbvh", "prbvh worst first"], &split[..]].concat());
+    for row in rows {
+        let is_split = split.contains(&row["method"].as_str().unwrap());
+        assert_eq!(row["status"], "ok", "{row}");
+        assert_eq!(row["references"].as_u64().unwrap() > 62, is_split, "{row}");
+        assert_eq!(row["relative_error"].is_null(), is_split, "{row}");
+        assert!(row["epo"].as_f64().unwrap() >= 0.0 && row["box_tests"].as_f64().unwrap() > 0.0, "{row}");
+    }
+    let whole = rows.iter().find(|row| row["method"] == "prbvh worst first").unwrap();
+    assert_eq!(whole["relative_error"], 0.0, "the lowest cost is of a tree without splits");
+}
