@@ -130,19 +130,23 @@ fn pieces_cover_their_triangles_and_a_planted_hole_is_found() {
         let mut held = vec![0; triangles.len()];
         done.tree.triangle_order.iter().for_each(|&triangle| held[triangle as usize] += 1);
         let order = &done.tree.triangle_order;
-        let is_piece = |content: &Content| matches!(content, Content::Leaf { first, count: 1 } if held[order[*first as usize] as usize] > 2);
+        let is_piece = |content: &Content| matches!(content, Content::Leaf { first, count: 1 } if held[order[*first as usize] as usize] > 1);
         let faults = (0..done.tree.nodes.len()).filter(|&v| is_piece(&done.tree.nodes[v].content)).map(|v| {
             let mut shrunk = done.tree.clone();
             let aabb = &mut shrunk.nodes[v].aabb;
             let axis = (0..3).fold(0, |a, k| if aabb.max[k] - aabb.min[k] > aabb.max[a] - aabb.min[a] { k } else { a });
             aabb.max[axis] = 0.5 * (aabb.min[axis] + aabb.max[axis]);
             let shrunk = shrunk.with_boxes_of_leaves();
-            (uncovered(&shrunk, &triangles, 40), bvh::validate_tree(&shrunk, &triangles).unwrap_err())
+            (uncovered(&shrunk, &triangles, 40), bvh::validate_tree(&shrunk, &triangles).err())
         });
         let faults: Vec<_> = faults.take(20).collect();
         let is_named = |fault: &TreeFault| matches!(fault, TreeFault::Hole { .. } | TreeFault::Uncovered { .. });
-        assert!(faults.iter().all(|(_, faults)| faults.iter().all(is_named)), "{form}");
-        assert!(faults.iter().any(|(lost, _)| *lost > 0), "{form}: no sample fell into a hole");
+        for (lost, found) in &faults {
+            assert!(found.iter().flatten().all(is_named), "{form}: {found:?}");
+            assert!(*lost == 0 || found.is_some(), "{form}: {lost} samples are in no leaf");
+        }
+        let found = faults.iter().filter(|(_, found)| found.is_some()).count();
+        assert!(found >= 10 && faults.iter().any(|(lost, _)| *lost > 0), "{form}: {found} holes of {}", faults.len());
     }
 }
 
@@ -323,7 +327,7 @@ fn what_is_not_done_together_is_refused_by_name() {
 
     // A tree from frame to frame has each triangle once.
     let boxes: Vec<Aabb> = triangles.iter().map(Triangle::aabb).collect();
-    let faults = Reoptimizer::new(&mut device, &done.tree, &boxes[..]).unwrap_err().to_string();
+    let faults = Reoptimizer::new(&mut device, &done.tree, &boxes[..]).err().unwrap().to_string();
     assert!(faults.contains("again in leaf"), "{faults}");
 }
 

@@ -44,7 +44,7 @@ fn a_tree_with_splits_goes_all_the_way() {
 
         let picture = |tree: &str| {
             let render = format!("render walls.obj{tree} --device cpu --size 24x16 --samples 1 -o {out}.png");
-            prbvh(folder.path(), &render).ok();
+            let _ = prbvh(folder.path(), &render).ok();
             std::fs::read(folder.path().join(format!("{out}.png"))).unwrap()
         };
         assert!(picture("") == picture(&format!(" --tree {out}/tree.bvh")), "{asked}: another picture");

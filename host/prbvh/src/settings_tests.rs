@@ -4,6 +4,7 @@ use super::{Initial, Optimizer, Settings};
 use crate::build::TreeletSize;
 use crate::collapse::CollapseSettings;
 use crate::optimize::{Epsilon, Limits, PrbvhSettings, RbvhSettings};
+use crate::presplit::PresplitSettings;
 use serde_json::{Value, json};
 use std::num::NonZeroU32;
 use std::time::Duration;
@@ -75,4 +76,12 @@ fn what_no_setting_can_be_is_refused_on_the_way_in() {
     assert!(with("mu", json!(4)).is_ok());
     let atrbvh = json!({ "initial": "atrbvh", "treelet": 99, "optimizer": "none", "epsilon": 0.1, "epsilon_relative": true, "max_iterations": 1 });
     assert!(serde_json::from_value::<Settings>(atrbvh).unwrap_err().to_string().contains("4 to 32"));
+}
+
+#[test]
+fn splits_bring_their_keys() {
+    let presplit = written(&Settings::default().with(|settings| settings.presplit = Some(PresplitSettings::default())));
+    assert_eq!(presplit["presplit"], json!({ "budget": 0.3, "form": "level" }));
+    let sbvh = with_initial(Initial::Sbvh);
+    assert_eq!((&sbvh["initial"], &sbvh["sbvh"]["bins"]), (&json!("sbvh"), &json!(32)));
 }
