@@ -3,7 +3,7 @@
 //! Source: Karras & Aila 2013, §4.3: a part of the budget in proportion to the priority, rounded down; the scale by bisection. Kind: workgroups.
 
 use super::{CHUNK, MOST_SPLITS, SCALES};
-use crate::math::{select, umin};
+use crate::math::umin;
 use crate::mem::{SharedU32, Slot};
 use crate::workgroup::{SCAN_WORDS, Workgroup, scan};
 use bytemuck::{Pod, Zeroable};
@@ -114,8 +114,8 @@ pub fn places<W: Workgroup>(
     };
     scan(w, shared, 0, length, more, move |k, before| {
         let wanted = more(k);
-        let left = if before < share.more { share.more - before } else { 0 };
-        let taken = select(wanted < left, wanted, left);
+        let left = share.more - umin(before, share.more);
+        let taken = umin(wanted, left);
         splits_of[(first + k) as usize].set(splits(priorities[(first + k) as usize], scale) + taken);
         wanted
     });

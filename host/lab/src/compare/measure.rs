@@ -210,7 +210,8 @@ fn metered(meter: &Meter<'_>, tree: Bvh, quality: Quality, wall_s: f64, run: Opt
         quality,
         bound: None,
         wall_s,
-        device_s: Some(meter.device_s()),
+        // Nothing ran on it, as with a builder on the host.
+        device_s: Some(meter.device_s()).filter(|&seconds| seconds > 0.0),
         bytes: Some(meter.memory().peak_bytes),
         threads: 0,
         run: OptimizerRun { device: meter.info().name.clone(), phases: phases.phases(), ..run },
