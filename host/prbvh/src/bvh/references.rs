@@ -59,7 +59,7 @@ fn holes(tree: &Bvh, triangles: &[Triangle]) -> Vec<TreeFault> {
         let Aabb { min, max } = of.aabb();
         let extent = (0..3).map(|k| f64::from(max[k]) - f64::from(min[k])).fold(0.0, f64::max);
         let is_whole = have >= need * (1.0 - OF_AREA) - extent * extent * OF_EXTENT;
-        (held[triangle] > 1 && !is_whole).then(|| TreeFault::Hole { triangle: triangle as u32, have, need })
+        (held[triangle] > 1 && !is_whole).then_some(TreeFault::Hole { triangle: triangle as u32, have, need })
     };
     areas.iter().enumerate().filter_map(fault).collect()
 }

@@ -65,6 +65,9 @@ pub(crate) fn is_on_device(settings: &PresplitSettings) -> bool {
     settings.form != PresplitForm::Sbvh
 }
 
+/// Boxes of the pieces and their triangles, in the working coordinates.
+type Made = (Vec<Aabb>, Vec<u32>);
+
 struct Stage {
     count: u32,
     chunks: u32,
@@ -113,7 +116,7 @@ impl Stage {
         device: &mut dyn Device,
         working: &[Triangle],
         (params, budget): (&PrioritiesParams, u64),
-    ) -> Result<Option<(Vec<Aabb>, Vec<u32>)>, DeviceError> {
+    ) -> Result<Option<Made>, DeviceError> {
         device.upload(&self.triangles, bytemuck::cast_slice(working))?;
         let mut recording = Recording::new();
         let buffers = [&self.triangles, &self.priorities];

@@ -22,10 +22,10 @@ pub(super) fn bounds_in(triangle: &Triangle, aabb: &Aabb) -> Option<Aabb> {
     }
     let mut made = Aabb::EMPTY;
     for corner in &polygon.corners[..polygon.count] {
-        for k in 0..3 {
-            let slack = corner[k].abs() * ROUNDING;
-            made.min[k] = made.min[k].min(at_most(corner[k] - slack));
-            made.max[k] = made.max[k].max(at_least(corner[k] + slack));
+        for (k, x) in corner.iter().enumerate() {
+            let slack = x.abs() * ROUNDING;
+            made.min[k] = made.min[k].min(at_most(x - slack));
+            made.max[k] = made.max[k].max(at_least(x + slack));
         }
     }
     let made = common(&made, aabb);

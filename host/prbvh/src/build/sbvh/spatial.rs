@@ -71,7 +71,7 @@ impl Spatial {
                 let [first, last] = planes.range(&reference.aabb);
                 entries[first].references += 1;
                 exits[last].references += 1;
-                for bin in first..=last {
+                for (bin, entry) in entries.iter_mut().enumerate().take(last + 1).skip(first) {
                     let mut slab = reference.aabb;
                     if bin > first {
                         slab.min[axis] = planes.at[bin];
@@ -85,7 +85,7 @@ impl Spatial {
                         bounds_in(&triangles[reference.triangle as usize], &slab)
                     };
                     if let Some(piece) = piece {
-                        entries[bin].aabb = entries[bin].aabb.union(piece);
+                        entry.aabb = entry.aabb.union(piece);
                     }
                 }
             }
