@@ -186,10 +186,13 @@ fn moved(triangles: &[Triangle], work: impl Fn(f32) -> f32) -> Vec<Triangle> {
     triangles.iter().map(|t| Triangle { a: t.a.map(&work), b: t.b.map(&work), c: t.c.map(&work) }).collect()
 }
 
+/// What brings a coordinate of a case to its place.
+type Work = fn(f32) -> f32;
+
 #[test]
 fn hits_are_those_without_a_tree() {
     let quarter = slanted(150, 2);
-    let cases: [(&str, Vec<Triangle>, fn(f32) -> f32); 6] = [
+    let cases: [(&str, Vec<Triangle>, Work); 6] = [
         ("plain", quarter.clone(), |x| x),
         ("needles", thin(150, 1e6, true), |x| x),
         ("slivers", thin(150, 1e6, false), |x| x),
