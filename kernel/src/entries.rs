@@ -27,6 +27,9 @@ use crate::prbvh::lock::{lock, lock_words};
 use crate::prbvh::search::search;
 use crate::prbvh::worst::{self, RoundParams};
 use crate::prbvh::{Move, PrbvhParams, paths, reinsert::reinsert};
+use crate::presplit::pieces::{PiecesParams, pieces};
+use crate::presplit::places::{self as presplit, ChunkShare, SumsParams};
+use crate::presplit::priority::{PrioritiesParams, priorities};
 use crate::ray::{Hit, Ray};
 use crate::refit::{RefitParams, refit};
 use crate::rotations::{self, RotateParams};
@@ -52,6 +55,32 @@ kernels! {
         0 boxes: &[Aabb],
         1 united: &[Slot<Aabb>],
     ] shared words: setup::BOUNDS_WORDS => |w| setup::bounds(w, params, boxes, united, words);
+
+    PresplitPriorities presplit_priorities(params: PrioritiesParams) [
+        0 triangles: &[Triangle],
+        1 priority: &[Slot<f32>],
+    ] => |i| priorities(i, params, triangles, priority);
+
+    PresplitSums presplit_sums(params: SumsParams) [
+        0 priority: &[f32],
+        1 scales: &[f32],
+        2 sums: &[Slot<u32>],
+    ] shared words: presplit::SUMS_WORDS => |w| presplit::sums(w, params, priority, scales, sums, words);
+
+    PresplitPlaces presplit_places(params: presplit::PlacesParams) [
+        0 priority: &[f32],
+        1 shares: &[ChunkShare],
+        2 splits: &[Slot<u32>],
+        3 places: &[Slot<u32>],
+    ] shared words: presplit::PLACES_WORDS => |w| presplit::places(w, params, priority, shares, splits, places, words);
+
+    PresplitPieces presplit_pieces(params: PiecesParams) [
+        0 triangles: &[Triangle],
+        1 splits: &[u32],
+        2 places: &[u32],
+        3 boxes: &[Slot<Aabb>],
+        4 owners: &[Slot<u32>],
+    ] => |i| pieces(i, params, triangles, splits, places, boxes, owners);
 
     Morton30 morton_30(params: MortonParams) [
         0 boxes: &[Aabb],

@@ -47,6 +47,7 @@ pub mod morton;
 pub mod node;
 pub mod ploc;
 pub mod prbvh;
+pub mod presplit;
 pub mod ray;
 pub mod refit;
 pub mod rotations;

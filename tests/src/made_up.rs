@@ -288,6 +288,7 @@ fn row(
         epo: Some(0.04 * cost * chance(&[seed, m, 8])),
         epo_error: Some(0.0),
         bytes: (!on_host).then_some(u64::from(triangles) * (100 + 12 * m)),
+        references: None,
         iterations: (iterations > 0).then_some(iterations),
         tree_hash: Some(format!("{:032x}", (chance(&[seed, m, 9]) * 1e15) as u64 | 1 << 60)),
         relative_error: None,

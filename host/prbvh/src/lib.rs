@@ -104,6 +104,7 @@
 //! | GPU and CPU | [`device`] |
 //! | initial trees alone | [`build`] |
 //! | leaves of several triangles | [`collapse`] |
+//! | references that are pieces of triangles | [`presplit`], [`build::sbvh()`] |
 //! | nodes of four or eight children | [`wide`] |
 //! | rays, to measure a tree | [`trace`] |
 //! | what a run leaves out, and why | [`plan`] |
@@ -133,8 +134,10 @@ pub mod optimize;
 mod parameters;
 pub mod pipeline;
 pub mod plan;
+pub mod presplit;
 mod random;
 mod references;
+mod rounded;
 pub mod scene;
 pub mod settings;
 pub mod stop;

@@ -6,16 +6,19 @@ mod hand_out;
 mod host_tree;
 mod initial;
 mod on_host;
+mod split;
 mod tree;
 mod wide;
 
 pub use crate::settings::{FeatureOff, GivenTree, Initial, Optimizer, SettingError, Settings};
 pub use host_tree::build_on_host;
+pub use split::Splits;
 pub use tree::{Leaves, OptimizedTree, optimize_tree};
 pub use wide::WideTree;
 
 use hand_out::{bounded, hand_out, hand_out_collapsed, upload_whole};
-use initial::{given_tree, initial_tree};
+use initial::initial_tree;
+use split::Start;
 use wide::wide_tree;
 
 use crate::build::DeviceTree;
@@ -47,8 +50,11 @@ pub struct Optimized {
     pub tree: Bvh,
     /// Quality of the initial tree, in f64.
     pub initial: Quality,
-    /// Quality of the best tree with one triangle per leaf, which is what was optimised, its depth bounded, in f64.
+    /// Quality of the best tree with one reference per leaf, which is what was optimised, its depth bounded, in f64. A reference is a triangle, or with splits a
+    /// piece of one.
     pub quality: Quality,
+    /// What became of triangles that were split; none where each is one reference.
+    pub splits: Option<Splits>,
     /// What the bound on the depth changed; none where the tree was within it.
     pub bound: Option<DepthBound>,
     /// Quality of the best tree with adaptive leaves by the costs that made them, in f64.
@@ -72,9 +78,12 @@ pub struct Optimized {
 }
 
 impl Optimized {
-    /// SAH cost of the best tree as the optimiser left it, before its depth was bounded, in f64.
+    /// SAH cost of the best tree as the optimiser left it, before pieces of one triangle were merged and its depth was bounded, in f64.
     #[must_use]
     pub fn optimized_cost(&self) -> f64 {
+        if let Some(splits) = &self.splits {
+            return splits.cost_before;
+        }
         self.bound.map_or(self.quality.sah_cost, |bound| bound.cost_before)
     }
 }
@@ -201,20 +210,22 @@ fn run(
     let begin = Instant::now();
     let mut lease = Lease::new(device);
     let device = &mut Watched::new(&mut lease);
-    let given = on_host(device, || given_tree(scene, &settings.initial))?;
-    // Where a triangle has several references, these are what is optimised.
-    let split = given.as_ref().filter(|given| !given.are_primitives());
-    let references =
-        split.map(|given| on_host(device, || Scene::from_boxes(&*scene.name, &given.boxes))).transpose()?;
-    let scene = references.as_ref().unwrap_or(scene);
     let fold = plan.fold.clone();
 
     let start = Instant::now();
     let limits = settings.limits();
+    let whole = scene;
+    let Start { given, mut split, timings } = {
+        let device = &mut StoppableLoan::new(device, limits.stop.clone());
+        Start::of(whole, device, settings, &plan)?
+    };
+    // Where a triangle has several references, these are what is optimised.
+    let scene = split.as_ref().map_or(whole, |split| &split.scene);
     let Built { mut tree, areas, timings: build_timings, build_s, handed_out: built, quality: initial, added } = {
         let device = &mut StoppableLoan::new(device, limits.stop.clone());
         build(scene, given.as_ref(), device, settings, &plan, start)?
     };
+    let build_timings = [timings, build_timings].concat();
     let over = limits.used_up(0, begin.elapsed()).filter(|over| *over != StopReason::MaxIterations);
     // Only kept where nothing comes after it.
     let built = (over.is_some() || matches!(settings.optimizer, Optimizer::None)).then_some(built);
@@ -262,6 +273,11 @@ fn run(
         None => hand_out((&tree, fold.as_deref()), scene, device, ("optimiser", None))?,
     };
     let start = Instant::now();
+    let (best, quality) = match &mut split {
+        Some(split) => on_host(device, || split.merged((best, quality)))?,
+        None => (best, quality),
+    };
+    let scene = split.as_ref().map_or(whole, |split| &split.scene);
     let (best, quality, bound) = bounded((best, quality), scene, device, settings.max_depth)?;
     let optimize_s = optimize_s + start.elapsed().as_secs_f64();
     if fold.is_some() {
@@ -274,8 +290,8 @@ fn run(
             (best, Some(measured), Vec::new())
         }
         Some(settings) => {
-            if fold.is_some() || bound.is_some() {
-                // The collapse counts triangles, and the device has not seen the bound.
+            if fold.is_some() || bound.is_some() || split.as_ref().is_some_and(|split| split.has_merged()) {
+                // The collapse counts triangles, and the device has not seen the bound, nor what was merged.
                 tree.free(device);
                 tree = upload_whole(best, scene, device)?;
             } else {
@@ -286,17 +302,22 @@ fn run(
         }
     };
     tree.free(device);
-    let handed_out = match split {
-        Some(given) => given.given_back(handed_out),
-        None => handed_out,
+    let (handed_out, splits) = match split {
+        Some(split) => split.given_back(handed_out, whole, device).map(|(tree, splits)| (tree, Some(splits)))?,
+        None => (handed_out, None),
     };
-    let wide =
-        settings.wide.as_ref().map(|wide| on_host(device, || wide_tree(&handed_out, scene, split.is_some(), wide)));
+    // A leaf may have had two pieces of one triangle.
+    let adaptive = adaptive.map(|measured| match (splits, &settings.adaptive) {
+        (Some(_), Some(settings)) => bvh::quality(&handed_out, &settings.sah),
+        _ => measured,
+    });
+    let wide = settings.wide.as_ref().map(|wide| on_host(device, || wide_tree(&handed_out, whole, wide)));
     let wide = wide.transpose()?;
     Ok(Optimized {
         tree: handed_out,
         initial,
         quality,
+        splits,
         bound,
         adaptive,
         outcome,

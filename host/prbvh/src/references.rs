@@ -6,6 +6,15 @@
 use crate::bvh::{Bvh, BvhNode, Content, TreeFault, pieces, reference_faults};
 use prbvh_kernel::aabb::Aabb;
 
+/// References of which there is no tree yet.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Pieces {
+    /// Their boxes.
+    pub(crate) boxes: Vec<Aabb>,
+    /// The primitive that each is a piece of.
+    pub(crate) primitives: Vec<u32>,
+}
+
 /// A tree over references.
 #[derive(Clone, Debug)]
 pub(crate) struct References {
@@ -112,8 +121,15 @@ impl References {
     }
 
     /// Whether references are primitives, by number.
+    #[cfg(test)]
     pub(crate) fn are_primitives(&self) -> bool {
         matches!(self.held, Held::Same)
+    }
+
+    /// The references, where they are pieces of primitives of which some have several.
+    pub(crate) fn pieces(&self) -> Option<Pieces> {
+        let Held::Primitives(primitives) = &self.held else { return None };
+        Some(Pieces { boxes: self.boxes.clone(), primitives: primitives.clone() })
     }
 
     /// A tree over the references as one over what they hold; boxes stay.

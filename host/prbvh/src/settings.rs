@@ -3,7 +3,7 @@
 mod named;
 
 use crate::build::{AacSettings, HuntSettings, KMeansSettings, PhrSettings};
-use crate::build::{Bins, MortonBits, TreeletSize};
+use crate::build::{Bins, MortonBits, SbvhSettings, TreeletSize};
 use crate::bvh::{Bvh, MaxDepth};
 pub use crate::check::{FeatureOff, SettingError};
 use crate::collapse::CollapseSettings;
@@ -11,6 +11,7 @@ pub use crate::given::GivenTree;
 use crate::optimize::{InsertionSettings, OnlineSettings};
 use crate::optimize::{IterationRow, Limits, PrbvhSettings, RbvhSettings, RotationSettings, WorstFirst};
 pub use crate::parameters::ParameterError;
+use crate::presplit::PresplitSettings;
 use crate::wide::WideSettings;
 use std::fmt;
 use std::num::NonZeroU32;
@@ -104,6 +105,8 @@ pub enum Initial {
         /// Its settings.
         phr: PhrSettings,
     },
+    /// SBVH (Stich, Friedrich & Dietrich 2009) with [`Settings::sbvh`], on the CPU: a triangle may be in several leaves.
+    Sbvh,
     /// A tree over the same scene that is in memory, from [`Initial::from`]. Leaves may hold any number of primitives, and a primitive may be in several
     /// leaves (spatial splits). Each primitive of a leaf becomes a leaf of its own; [`Settings::adaptive`] makes larger ones again.
     /// [`optimize_tree`](crate::pipeline::optimize_tree) keeps the leaves, or needs no scene.
@@ -156,7 +159,7 @@ impl Initial {
     }
 }
 
-/// As on the command line: `lbvh`, `ploc`, `atrbvh`, `trbvh`, `hploc`, `sah-sweep`, `sah-binned`, a name of [`Initial::of_name`], or the path of the file; `tree`
+/// As on the command line: `lbvh`, `ploc`, `atrbvh`, `trbvh`, `hploc`, `sah-sweep`, `sah-binned`, `sbvh`, a name of [`Initial::of_name`], or the path of the file; `tree`
 /// if it is in memory.
 impl fmt::Display for Initial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -175,6 +178,7 @@ impl fmt::Display for Initial {
             Self::Online { online } => named::write(f, "online", online),
             Self::Hunt { hunt } => named::write(f, "hunt", hunt),
             Self::Phr { phr } => named::write(f, "phr", phr),
+            Self::Sbvh => f.write_str("sbvh"),
             Self::Tree(_) => f.write_str("tree"),
             #[cfg(feature = "files")]
             Self::File { path } => path.display().fmt(f),
@@ -240,6 +244,11 @@ pub struct Settings {
     pub initial: Initial,
     /// Length of the Morton codes.
     pub morton_bits: MortonBits,
+    /// What is split before the tree is built; none: every triangle is one reference. Not for trees that are there already, nor for [`Initial::Sbvh`], nor
+    /// with [`Settings::fold_duplicates`].
+    pub presplit: Option<PresplitSettings>,
+    /// Settings of [`Initial::Sbvh`].
+    pub sbvh: SbvhSettings,
     /// The optimiser.
     #[cfg_attr(feature = "serde", serde(flatten))]
     pub optimizer: Optimizer,
@@ -266,6 +275,11 @@ impl Settings {
     pub fn check(&self) -> Result<(), SettingError> {
         self.initial.check_parameters()?;
         self.prbvh.check()?;
+        self.sbvh.check()?;
+        if let Some(presplit) = &self.presplit {
+            presplit.check()?;
+        }
+        self.check_splits()?;
         match &self.optimizer {
             Optimizer::Rbvh(settings) => settings.check()?,
             Optimizer::Rotations(settings) => settings.check()?,
@@ -273,6 +287,25 @@ impl Settings {
         }
         self.wide.as_ref().map_or(Ok(()), WideSettings::check)?;
         self.adaptive.as_ref().map_or(Ok(()), CollapseSettings::check)
+    }
+
+    /// Whether triangles are asked to be split.
+    #[must_use]
+    pub fn splits(&self) -> bool {
+        self.presplit.is_some() || self.initial == Initial::Sbvh
+    }
+
+    /// Refuses what is not done together with splits.
+    fn check_splits(&self) -> Result<(), SettingError> {
+        if self.presplit.is_some() && (self.initial.is_given() || self.initial == Initial::Sbvh) {
+            let need = "none with a tree that is given, or that has splits of its own";
+            return Err(SettingError { name: "presplit", value: "given".to_owned(), need });
+        }
+        if self.splits() && self.fold_duplicates {
+            let need = "false with presplit and with the initial tree sbvh";
+            return Err(SettingError { name: "fold_duplicates", value: "true".to_owned(), need });
+        }
+        Ok(())
     }
 
     /// What ends the optimiser early. Where there is none, the limits of [`Settings::prbvh`], which then end nothing.
@@ -321,6 +354,7 @@ with!(
     WideSettings
 );
 with!(AacSettings, KMeansSettings, InsertionSettings, OnlineSettings, HuntSettings, PhrSettings);
+with!(PresplitSettings, SbvhSettings);
 #[cfg(feature = "files")]
 with!(crate::scene::LoadOptions);
 

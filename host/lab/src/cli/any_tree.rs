@@ -34,7 +34,13 @@ impl AnyTree {
     /// All faults, in words.
     pub(super) fn validate(&self, triangles: Option<&[Triangle]>) -> Result<(), Vec<String>> {
         match self {
-            Self::Binary(tree) => bvh::validate(tree, triangles).map(|_| ()).map_err(|faults| texts(&faults)),
+            Self::Binary(tree) => {
+                let checked = match triangles {
+                    Some(triangles) => bvh::validate_tree(tree, triangles),
+                    None => bvh::validate(tree, None),
+                };
+                checked.map(|_| ()).map_err(|faults| texts(&faults))
+            }
             Self::Wide(tree) => {
                 let tree = tree.unpack().map_err(|faults| texts(&faults))?;
                 wide::validate(&tree, triangles).map_err(|faults| texts(&faults))

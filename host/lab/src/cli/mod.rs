@@ -22,6 +22,7 @@ mod read_args;
 mod render;
 mod render_args;
 mod scenes;
+mod splits_args;
 mod stability;
 mod stats;
 mod stdout;

@@ -4,6 +4,7 @@ use super::leaves::LeavesArgs;
 use super::optimizer::{Beside, OptimizerArgs};
 use super::preset::{self, PRESET_SETS};
 use super::scenes::ScenesArgs;
+use super::splits_args::SplitsArgs;
 use super::target::TargetArgs;
 use super::values::{not_negative, threads};
 use super::wide_args::WideArgs;
@@ -24,7 +25,7 @@ use std::time::Duration;
 pub(super) struct OptimizeArgs {
     #[command(flatten)]
     pub(super) scenes: ScenesArgs,
-    /// Where the initial tree comes from: lbvh, ploc, atrbvh, trbvh, hploc, sah-sweep, sah-binned, agglomerative, aac[:fast|:hq],
+    /// Where the initial tree comes from: lbvh, ploc, atrbvh, trbvh, hploc, sah-sweep, sah-binned, sbvh, agglomerative, aac[:fast|:hq],
     /// kmeans[:q1 to :q5], insertion[:greedy], online, hunt, phr[:fast|:hq], or a tree.bvh over the same scene. Parameters
     /// may stand in place of a preset: aac:delta=8,epsilon=0.15, kmeans:k=16,p=5,i=5,seed=1, hunt:cut=50.
     #[arg(long, default_value = "lbvh", value_name = "BUILDER|FILE.bvh", value_parser = OsStringValueParser::new().try_map(initial))]
@@ -78,6 +79,8 @@ pub(super) struct OptimizeArgs {
     /// Most levels below the root, with one triangle per leaf: what is deeper is built anew; off or 0: no bound.
     #[arg(long, value_name = "LEVELS|off", default_value_t, allow_negative_numbers = true)]
     pub(super) max_depth: MaxDepth,
+    #[command(flatten)]
+    splits: SplitsArgs,
     #[command(flatten)]
     pub(super) leaves: LeavesArgs,
     #[command(flatten)]
@@ -144,6 +147,11 @@ impl OptimizeArgs {
             Some(preset) => preset::applied(preset, asked),
             None => asked,
         };
+        self.splits.apply(&mut settings)?;
+        settings.check()?;
+        if self.check_numerics && settings.splits() {
+            anyhow::bail!("--check-numerics is for trees without splits, not with --presplit or --initial sbvh");
+        }
         let limits = settings.limits_mut();
         limits.max_iterations = self.max_iterations.unwrap_or(limits.max_iterations);
         limits.max_time = self.max_time.map(|seconds| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX));
@@ -216,11 +224,12 @@ fn initial(text: OsString) -> Result<Initial, String> {
         Some("hploc") => Ok(Initial::Hploc { radius: DEFAULT_HPLOC_RADIUS }),
         Some("sah-sweep") => Ok(Initial::SahSweep),
         Some("sah-binned") => Ok(Initial::SahBinned { bins: Bins::DEFAULT }),
+        Some("sbvh") => Ok(Initial::Sbvh),
         _ if Path::new(&text).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("bvh")) => {
             Ok(Initial::File { path: text.into() })
         }
         _ => Err(format!(
-            "neither lbvh, ploc, atrbvh, trbvh, hploc, sah-sweep, sah-binned, {} nor a tree file that ends in .bvh",
+            "neither lbvh, ploc, atrbvh, trbvh, hploc, sah-sweep, sah-binned, sbvh, {} nor a tree file that ends in .bvh",
             Initial::NAMES
         )),
     }
@@ -277,6 +286,7 @@ mod tests {
             "hploc",
             "sah-sweep",
             "sah-binned",
+            "sbvh",
             "agglomerative",
             "aac:fast",
             "kmeans:q2",
@@ -291,7 +301,7 @@ mod tests {
     #[test]
     fn what_is_no_initial_tree_is_refused() {
         for (arguments, part) in [
-            ("--initial sbvh", "sah-binned"),
+            ("--initial kd", "sah-binned"),
             ("--initial aak", "agglomerative, aac, kmeans"),
             ("--initial aac:delta=0", "aac.delta is 0, but must be 2 to 65536"),
             ("--initial tree.obj", "ends in .bvh"),

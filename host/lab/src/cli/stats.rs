@@ -28,14 +28,18 @@ pub(super) fn run(args: &StatsArgs, log: &Log) -> anyhow::Result<ExitCode> {
             scene.hash
         );
     }
-    let triangles = scene.as_ref().map(|scene| scene.triangles.as_slice());
-    if let Err(faults) = tree.validate(triangles) {
+    if let (AnyTree::Binary(tree), None) = (&tree, &scene) {
+        let needs = "whose leaves hold pieces of triangles: it needs these, --scene";
+        anyhow::ensure!(!tree.has_splits(triangles_of(tree)), "{} is a tree {needs}", args.tree.display());
+    }
+    if let Err(faults) = tree.validate(scene.as_ref().map(|scene| scene.triangles.as_slice())) {
         return report_faults(args, &faults);
     }
     let file = match tree {
         AnyTree::Wide(tree) => return of_wide(args, &tree, &scene_hash, scene.as_ref()),
         AnyTree::Binary(tree) => TreeFile { tree, scene_hash },
     };
+    let (triangles, references) = (triangles_of(&file.tree), file.tree.references());
     let model = SahModel::default();
     let quality = bvh::quality(&file.tree, &model);
     let epo = scene.as_ref().and_then(|scene| overlap(&file.tree, scene, &model, log));
@@ -45,6 +49,9 @@ pub(super) fn run(args: &StatsArgs, log: &Log) -> anyhow::Result<ExitCode> {
         let mut json = serde_json::to_value(quality).context("quality as JSON")?;
         if let Some(json) = json.as_object_mut() {
             json.insert("valid".into(), true.into());
+            json.insert("triangles".into(), triangles.into());
+            json.insert("references".into(), references.into());
+            json.insert("references_per_triangle".into(), (references as f64 / triangles.max(1) as f64).into());
             json.insert("epo".into(), epo.map(|epo| epo.value).into());
             json.insert("epo_error".into(), epo.map(|epo| epo.error).into());
             json.insert("epo_drawn".into(), epo.map(|epo| epo.drawn).into());
@@ -74,12 +81,21 @@ pub(super) fn run(args: &StatsArgs, log: &Log) -> anyhow::Result<ExitCode> {
         print(&format!("stack        {} entries of an ordered traversal", quality.stack))?;
         print(&format!("nodes        {}", quality.nodes))?;
         print(&format!("leaves       {}", quality.leaves))?;
-        print(&format!("triangles    {}", quality.triangles))?;
+        print(&format!("triangles    {triangles}"))?;
+        if references > triangles {
+            let ratio = references as f64 / triangles as f64;
+            print(&format!("references   {references} ({ratio:.3} per triangle)"))?;
+        }
         print(&format!("memory       {bytes_per_triangle:.1} B per triangle"))?;
         print(&format!("tree hash    {hash}"))?;
         print(&format!("scene hash   {}", file.scene_hash))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Triangles of a tree of which each is in one leaf at least.
+fn triangles_of(tree: &Bvh) -> usize {
+    tree.triangle_order.iter().max().map_or(0, |&last| last as usize + 1)
 }
 
 /// A tree in a file and its scene.
@@ -90,7 +106,7 @@ struct TreeFile {
 
 /// Nodes of 32 bytes and the triangle order.
 fn file_bytes_per_triangle(tree: &Bvh) -> f64 {
-    (32 * tree.nodes.len() + 4 * tree.triangle_order.len()) as f64 / tree.triangle_order.len() as f64
+    (32 * tree.nodes.len() + 4 * tree.triangle_order.len()) as f64 / triangles_of(tree) as f64
 }
 
 fn of_wide(args: &StatsArgs, packed: &PackedTree, scene_hash: &str, scene: Option<&Scene>) -> anyhow::Result<ExitCode> {

@@ -114,6 +114,9 @@ pub struct MethodRow {
     pub epo_error: Option<f64>,
     /// Most bytes of device buffers while it was built.
     pub bytes: Option<u64>,
+    /// References of the tree with one of them per leaf: with splits more than the scene has triangles. Its cost is then not compared with those of others.
+    #[serde(default)]
+    pub references: Option<u32>,
     /// Iterations of an optimiser.
     pub iterations: Option<u32>,
     /// Hash of the tree with one triangle per leaf.
@@ -128,6 +131,14 @@ pub struct MethodRow {
     pub status: String,
     /// Seconds that PRBVH with this row's µ needs, on one thread, to reach the cost of RBVH; and how many times RBVH's time that is less.
     pub against_rbvh: Option<AgainstRbvh>,
+}
+
+impl MethodRow {
+    /// Whether its tree has more references than the scene has triangles.
+    #[must_use]
+    pub fn has_splits(&self, triangles: u32) -> bool {
+        self.references.is_some_and(|references| references > triangles)
+    }
 }
 
 /// Speed over RBVH to the same cost, both on one core.

@@ -12,7 +12,7 @@ impl SceneComparison {
         self.errors = SceneErrors::of(self, known);
         let Some(errors) = &self.errors else { return };
         for row in &mut self.rows {
-            let cost = row.cost.filter(|cost| is_cost(*cost) && row.status == "ok");
+            let cost = row.cost.filter(|cost| is_cost(*cost) && row.status == "ok" && !row.has_splits(self.triangles));
             row.relative_error = cost.map(|cost| errors.reference.error_of(cost));
             let same = |run: &&OptimizerRun| {
                 run.purpose == Purpose::Table
@@ -28,7 +28,7 @@ impl SceneErrors {
     #[must_use]
     pub fn of(scene: &SceneComparison, known: Option<&ReferenceCost>) -> Option<Self> {
         let reference = Reference::of(scene, known)?;
-        let runs = scene.runs.iter().filter(|run| run.purpose != Purpose::OneThread);
+        let runs = runs_without_splits(scene).filter(|run| run.purpose != Purpose::OneThread);
         let settings: Vec<SettingErrors> = runs.filter_map(|run| reference.setting(run)).collect();
         let pareto_front = pareto_front(&settings.iter().map(|s| (s.wall_s, s.error)).collect::<Vec<_>>());
         Some(Self { reference, levels: LEVELS, settings, pareto_front })
@@ -40,12 +40,19 @@ impl SceneErrors {
     }
 }
 
+/// The runs over triangles as they are: a tree over more references has other costs.
+fn runs_without_splits(scene: &SceneComparison) -> impl Iterator<Item = &OptimizerRun> {
+    let split =
+        |run: &&OptimizerRun| scene.rows.iter().any(|row| row.method == run.method && row.has_splits(scene.triangles));
+    scene.runs.iter().filter(move |run| !split(run))
+}
+
 impl Reference {
     fn of(scene: &SceneComparison, known: Option<&ReferenceCost>) -> Option<Self> {
-        let rows = scene.rows.iter().filter(|row| row.status == "ok");
+        let rows = scene.rows.iter().filter(|row| row.status == "ok" && !row.has_splits(scene.triangles));
         let rows = rows.filter_map(|row| Some((row.cost?, with_mu(&row.method, row.mu))));
         let of_run = |run: &OptimizerRun| Some((run.lowest_cost()?, setting_name(run)));
-        let here = rows.chain(scene.runs.iter().filter_map(of_run)).filter(|(cost, _)| is_cost(*cost));
+        let here = rows.chain(runs_without_splits(scene).filter_map(of_run)).filter(|(cost, _)| is_cost(*cost));
         let here = here.min_by(|a, b| a.0.total_cmp(&b.0));
         match (here, known) {
             (Some((cost, _)), Some(known)) if known.cost <= cost => Some(known.into()),

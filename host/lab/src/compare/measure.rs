@@ -162,11 +162,26 @@ impl<'a> Subject<'a> {
 
     /// The tree with adaptive leaves as the paper has them, made on a device, and its quality.
     pub(super) fn adaptive(&self, tree: &Bvh, device: &mut dyn Device) -> Result<(Bvh, Quality), MethodError> {
+        if tree.has_splits(self.scene.triangles.len()) {
+            return self.adaptive_with_splits(tree, device);
+        }
         let nodes = tree.clone().with_boxes_of(&self.working).to_device()?;
         let mut meter = Meter::new(device);
         let uploaded = DeviceTree::upload(&mut meter, &nodes)?;
         let collapsed = collapse(&mut meter, &uploaded, &CollapseSettings::default())?.free(&mut meter);
         checked(collapsed, self.scene)
+    }
+
+    /// The same of a tree whose leaves hold pieces.
+    fn adaptive_with_splits(&self, tree: &Bvh, device: &mut dyn Device) -> Result<(Bvh, Quality), MethodError> {
+        let settings = Settings::default().with(|s| {
+            s.initial = tree.clone().into();
+            s.optimizer = Optimizer::None;
+            s.adaptive = Some(CollapseSettings::default());
+            s.max_depth = MaxDepth::OFF;
+        });
+        let made = pipeline::optimize(self.scene, device, &settings, &mut |_| ControlFlow::Continue(()))?;
+        checked(made.tree, self.scene)
     }
 }
 
@@ -201,15 +216,21 @@ fn metered(meter: &Meter<'_>, tree: Bvh, quality: Quality, wall_s: f64, run: Opt
         quality,
         bound: None,
         wall_s,
-        device_s: Some(meter.device_s()),
+        // Nothing ran on it, as with a builder on the host.
+        device_s: Some(meter.device_s()).filter(|&seconds| seconds > 0.0),
         bytes: Some(meter.memory().peak_bytes),
         threads: 0,
         run: OptimizerRun { device: meter.info().name.clone(), phases: phases.phases(), ..run },
     }
 }
 
-/// The tree with the boxes of the scene's triangles, if it is one over them. Its links are not trusted.
+/// The tree with the boxes of the scene's triangles, if it is one over them; with splits those of its pieces stay. Its links are not trusted.
 fn checked(tree: Bvh, scene: &Scene) -> Result<(Bvh, Quality), MethodError> {
+    if tree.has_splits(scene.triangles.len()) {
+        bvh::validate_tree(&tree, &scene.triangles).map_err(MethodError::InvalidTree)?;
+        let quality = bvh::quality(&tree, &SahModel::default());
+        return Ok((tree, quality));
+    }
     let faults = bvh::links_and_leaves(&tree, scene.triangles.len());
     if !faults.is_empty() {
         return Err(MethodError::InvalidTree(faults));

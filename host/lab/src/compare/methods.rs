@@ -11,6 +11,7 @@ use prbvh::device::DeviceError;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::optimize::{self, IterationRow, Order, RbvhSettings, RotationSettings, StopReason};
 use prbvh::pipeline::{Initial, Optimizer, PipelineError, Settings, build_on_host};
+use prbvh::presplit::PresplitSettings;
 use prbvh::stop::Stop;
 use prbvh::wide::{Layout, WideSettings, Width};
 use prbvh_kernel::node::Node;
@@ -175,6 +176,19 @@ const METHODS: &[Entry] = &[
     },
     Entry { name: "starts", is_default: false, jobs: |_| starts().map(starting_from).collect() },
     Entry {
+        name: "presplit",
+        is_default: false,
+        jobs: |_| vec![presplit("lbvh", Initial::Lbvh), presplit("sah-sweep", Initial::SahSweep)],
+    },
+    Entry {
+        name: "sbvh",
+        is_default: false,
+        jobs: |_| {
+            let optimized = Settings::default().with(|s| s.initial = Initial::Sbvh);
+            vec![initial("sbvh".to_owned(), Initial::Sbvh), optimized_job("sbvh + prbvh", optimized)]
+        },
+    },
+    Entry {
         name: "candidates",
         is_default: false,
         jobs: |_| presets::CANDIDATES.iter().filter_map(candidate).collect(),
@@ -227,6 +241,19 @@ fn initial(method: String, initial: Initial) -> Job {
         s.optimizer = Optimizer::None;
     });
     Job { method, mu: None, builder: Builder::Pipeline(Box::new(settings)) }
+}
+
+fn optimized_job(method: &str, settings: Settings) -> Job {
+    Job { method: method.to_owned(), mu: None, builder: Builder::Pipeline(Box::new(settings)) }
+}
+
+/// Splits by their usual settings, an initial tree over the references, PRBVH.
+fn presplit(name: &str, initial: Initial) -> Job {
+    let settings = Settings::default().with(|s| {
+        s.initial = initial;
+        s.presplit = Some(PresplitSettings::default());
+    });
+    optimized_job(&format!("presplit + {name} + prbvh"), settings)
 }
 
 /// PRBVH as published, with `settings` but for order and first µ.

@@ -45,6 +45,7 @@ struct First {
     adaptive: Option<Quality>,
     epo: Epo,
     bytes: Option<u64>,
+    references: u32,
     threads: u32,
 }
 
@@ -183,6 +184,7 @@ impl Slot<'_> {
                     adaptive: None,
                     epo: epo.ok_or(DeviceError::Stopped)?,
                     bytes: made.bytes,
+                    references: u32::try_from(made.tree.references()).unwrap_or(u32::MAX),
                     threads: made.threads,
                 });
                 Ok(())
@@ -225,6 +227,7 @@ impl Slot<'_> {
             epo: first.map(|first| first.epo.value),
             epo_error: first.map(|first| first.epo.error),
             bytes: first.and_then(|first| first.bytes),
+            references: first.map(|first| first.references),
             iterations: iterations.filter(|&iterations| iterations > 0),
             tree_hash: first.map(|first| first.hash.clone()),
             status,

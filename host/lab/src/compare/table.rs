@@ -28,6 +28,7 @@ const COLUMNS: &[Column] = &[
     number("depth", 10, |row| row.depth.map(|depth| depth.to_string())),
     number("stack", 14, |row| row.stack.map(|entries| entries.to_string())),
     number("EPO", 8, overlap),
+    number("refs", 16, |row| row.references.map(|references| format::count(references.into()))),
     number("iter.", 11, |row| row.iterations.map(|iterations| format::count(iterations.into()))),
     number("memory", 15, |row| row.bytes.map(format::bytes)),
 ];

@@ -42,6 +42,8 @@ struct CompareRow {
     device: String,
     cost: Option<f64>,
     build_s: Option<f64>,
+    #[serde(default)]
+    references: Option<u32>,
     status: String,
 }
 
@@ -50,6 +52,8 @@ struct CompareRow {
 struct ReportFile {
     scene: String,
     triangles: u32,
+    #[serde(default)]
+    references: Option<u32>,
     device: String,
     final_cost: Option<f64>,
     time_s: f64,
@@ -98,6 +102,10 @@ fn of_comparison(file: CompareFile) -> Vec<Found> {
     let mut found = Vec::new();
     for scene in file.scenes {
         for row in scene.rows.into_iter().filter(|row| row.status == "ok") {
+            // A tree with splits has other costs.
+            if row.references.is_some_and(|references| references > scene.triangles) {
+                continue;
+            }
             let method = row.mu.map_or_else(|| row.method.clone(), |mu| format!("{} µ={mu}", row.method));
             let cost = ReferenceCost {
                 scene: scene.name.clone(),
@@ -115,6 +123,9 @@ fn of_comparison(file: CompareFile) -> Vec<Found> {
 }
 
 fn of_report(file: ReportFile) -> Vec<Found> {
+    if file.references.is_some_and(|references| references > file.triangles) {
+        return Vec::new();
+    }
     let cost = ReferenceCost {
         scene: file.scene,
         hash: file.scene_details.hash,

@@ -9,7 +9,7 @@ use crate::reference::ReferenceCost;
 use prbvh::bvh::{self, DepthBound, Quality, SahModel};
 use prbvh::device::{Device, DeviceInfo};
 use prbvh::optimize::IterationRow;
-use prbvh::pipeline::WideTree;
+use prbvh::pipeline::{Splits, WideTree};
 use prbvh::plan::{DeviceCode, Item};
 use prbvh::scene::{Note, Scene};
 use prbvh::wide::WideQuality;
@@ -28,6 +28,10 @@ pub struct RunReport {
     pub scene: String,
     /// Triangles of the scene that are in the tree.
     pub triangles: u32,
+    /// References of the tree handed out: triangles, each counted once for every leaf that it is in.
+    pub references: u32,
+    /// What became of triangles that were split; none where each is one reference.
+    pub splits: Option<Splits>,
     /// Name of the device.
     pub device: String,
     /// SAH cost of the initial tree, unitless.
@@ -111,6 +115,8 @@ impl RunReport {
             schema: SCHEMA,
             scene: scene.name.clone(),
             triangles,
+            references: u32::try_from(result.tree.references()).unwrap_or(u32::MAX),
+            splits: result.splits,
             device: device.info().name.clone(),
             initial_cost: result.initial.sah_cost,
             final_cost: result.quality.sah_cost,
@@ -146,8 +152,11 @@ impl RunReport {
         }
     }
 
-    /// Compares the final cost with the one of the reference file, if there is one.
+    /// Compares the final cost with the one of the reference file, if there is one. A tree with splits is compared with none: it has other costs.
     pub fn set_reference(&mut self, known: Option<&ReferenceCost>) {
+        if self.splits.is_some() {
+            return;
+        }
         let cost = self.final_cost;
         let known = known.filter(|known| known.cost <= cost);
         let (reference_cost, source) = match known {

@@ -34,6 +34,11 @@ fn outcome(report: &RunReport, width: u16) -> Table {
     };
     row("scene", report.scene.clone());
     row("triangles", format::count(report.triangles.into()));
+    if let Some(splits) = &report.splits {
+        let ratio = f64::from(report.references) / f64::from(report.triangles.max(1));
+        let (references, merged) = (format::count(report.references.into()), format::count(splits.merged.into()));
+        row("references", format!("{references} ({ratio:.3} per triangle, {merged} merged)"));
+    }
     row("device", report.device.clone());
     row("initial cost", format!("{} ({})", cost(report.initial_cost), report.settings.run.initial));
     row("final cost", format!("{} ({})", cost(report.final_cost), report.settings.run.optimizer));

@@ -124,6 +124,9 @@ pub const CATALOGUE: &[Case] = &[
         .exact()
         .with_rays(64)
         .closed_around([FAR as f32 + 0.5, FAR as f32 + 0.25, FAR as f32 + 0.5]),
+    case("turned-45", "a hall whose walls lie along no axis: every box is mostly empty", shapes::turned_hall, 45.0)
+        .of(1000)
+        .with_rays(64),
     case("far-triangle", "a room and a triangle far away: no distance may follow from it", shapes::room_and_far, 1e6)
         .of(205)
         .with_rays(64)

@@ -22,6 +22,9 @@ pub const AXES_BOUND: f64 = 1e-4;
 /// The same for dual moves, which leave more minima behind and so have more to end in: twice the largest change of the table.
 pub const DUAL_AXES_BOUND: f64 = 2e-3;
 
+/// Largest coordinate of a scene below which the planes that pieces end at may be denormal, though its corners are not.
+const LEAST_FOR_PLANES: f32 = f32::from_bits((127 - 100) << 23);
+
 /// Part of a cost that sums in f64 may lose.
 const F64_BOUND: f64 = 1e-12;
 
@@ -50,7 +53,7 @@ pub(super) fn check(ready: &Ready<'_>, method: &Method, lane: &mut Lane, is_firs
     };
     ended(&mut row, method, &result);
     costs(&mut row, method, &result);
-    match bvh::validate(&result.tree, Some(&ready.scene.triangles)) {
+    match bvh::validate_tree(&result.tree, &ready.scene.triangles) {
         Ok(_) => row.valid = true,
         Err(faults) => {
             // Nothing below can walk it.
@@ -107,7 +110,9 @@ fn costs(row: &mut Row, method: &Method, result: &Optimized) {
     let is_at_most = |a: f64, b: f64| a <= b;
     // A bound on the depth may cost something.
     let optimized = result.optimized_cost();
-    if !is_at_most(optimized, before) {
+    // Equal trees over pieces may be added up in another order.
+    let rounding = if method.settings.splits() { F64_BOUND } else { 0.0 };
+    if !is_at_most(optimized, before * (1.0 + rounding)) {
         row.breach(Property::NotWorse, format!("{optimized:e} above the initial {before:e}"));
     }
     // The same leaves may be added up in another order.
@@ -140,6 +145,9 @@ impl Variants<'_> {
     fn run(&self, row: &mut Row, lane: &mut Lane, is_first: bool) -> Result<(), RunError> {
         let scaled = if is_first { self.ready.scaled.len() } else { 1 };
         for (exponent, scene) in self.ready.scaled.iter().take(scaled) {
+            if self.method.settings.splits() && scene.census.largest_coordinate < LEAST_FOR_PLANES {
+                continue;
+            }
             let other = self.subject.run(scene, &self.method.settings, &mut *lane.device)?;
             let costs = [&other, self.result].map(|result| result.quality.sah_cost.to_bits());
             if topology_hash(&other.tree) != topology_hash(&self.result.tree) || costs[0] != costs[1] {

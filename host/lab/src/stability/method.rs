@@ -7,6 +7,7 @@ use prbvh::bvh::MaxDepth;
 use prbvh::collapse::CollapseSettings;
 use prbvh::optimize::{Limits, Order, PrbvhSettings, RbvhSettings, RotationSettings, Strategy};
 use prbvh::pipeline::{Initial, Optimizer, Settings};
+use prbvh::presplit::PresplitSettings;
 use prbvh::wide::{Layout, WideSettings, Width};
 
 /// A way from triangles to a tree.
@@ -63,12 +64,16 @@ impl Method {
         self
     }
 
-    /// Whether it is PRBVH that goes on from the initial tree, to one triangle per leaf, and nothing comes after it: then its moves can be
+    /// Whether it is PRBVH that goes on from the initial tree, to one triangle per leaf, each of them whole, and nothing comes after it: then its moves can be
     /// looked at.
     #[must_use]
     pub fn has_moves(&self) -> bool {
         let Settings { optimizer, adaptive, max_depth, .. } = &self.settings;
-        self.optimizes && *optimizer == Optimizer::Prbvh && adaptive.is_none() && *max_depth == MaxDepth::OFF
+        !self.settings.splits()
+            && self.optimizes
+            && *optimizer == Optimizer::Prbvh
+            && adaptive.is_none()
+            && *max_depth == MaxDepth::OFF
     }
 
     fn with_adaptive_leaves(mut self) -> Self {
@@ -81,6 +86,11 @@ impl Method {
             s.width = width;
             s.layout = layout;
         }));
+        self
+    }
+
+    fn with_splits(mut self) -> Self {
+        self.settings.presplit = Some(PresplitSettings::default());
         self
     }
 
@@ -132,5 +142,7 @@ pub fn methods() -> Vec<Method> {
         Method::builder("lbvh+bvh4", Initial::Lbvh).with_wide_nodes(Width::Four, Layout::Soa),
         Method::builder("lbvh+bvh8", Initial::Lbvh).with_wide_nodes(Width::Eight, Layout::Soa),
         Method::worst_first("worst-first+cwbvh", Initial::Lbvh).with_wide_nodes(Width::Eight, Layout::Cwbvh),
+        Method::worst_first("presplit+worst-first+adaptive", Initial::Lbvh).with_splits().with_adaptive_leaves(),
+        Method::worst_first("sbvh+worst-first", Initial::Sbvh),
     ]
 }

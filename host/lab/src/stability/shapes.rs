@@ -1,6 +1,6 @@
 //! Generators of the catalogue: `n` triangles from a size and one parameter, the same bits on every machine.
 
-use prbvh::scene::Noise;
+use prbvh::scene::{Noise, built_in};
 use prbvh_kernel::setup::Triangle;
 
 type Point = [f64; 3];
@@ -253,6 +253,16 @@ pub(super) fn room(n: usize, distance: f64) -> Vec<Triangle> {
 pub(super) fn room_and_far(n: usize, distance: f64) -> Vec<Triangle> {
     let far = triangle([distance, 0.0, 0.0], [distance + 1.0, 0.0, 0.0], [distance, 1.0, 0.0]);
     [room(n - 1, 0.0), vec![far]].concat()
+}
+
+/// The built-in hall, turned by so many degrees around two axes.
+pub(super) fn turned_hall(n: usize, degrees: f64) -> Vec<Triangle> {
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    map(built_in(n).triangles, |p| {
+        let [x, y, z] = p.map(f64::from);
+        let [x, z] = [cos * x - sin * z, sin * x + cos * z];
+        [x, cos * y - sin * z, sin * y + cos * z].map(|x| x as f32)
+    })
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Scenes of arbitrary triangles through the methods of the registry.
 
 use super::targets::text_of;
-use prbvh::bvh::{SahModel, quality, validate};
+use prbvh::bvh::{SahModel, quality, validate_tree};
 use prbvh::device::Device;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::pipeline::optimize;
@@ -109,7 +109,7 @@ fn try_method(scene: &Scene, method: &Method) -> Result<(), String> {
     let mut device = CpuDevice::new(2).map_err(|error| error.to_string())?;
     let made = optimize(scene, &mut device, &method.settings, &mut |_| ControlFlow::Continue(()))
         .map_err(|error| error.to_string())?;
-    validate(&made.tree, Some(&scene.triangles)).map_err(|faults| format!("{faults:?}"))?;
+    validate_tree(&made.tree, &scene.triangles).map_err(|faults| format!("{faults:?}"))?;
     // A bound on the depth may cost something.
     let (before, after) = (made.initial.sah_cost, made.optimized_cost());
     if !(before.is_finite() && after.is_finite() && after <= before) {

@@ -33,6 +33,12 @@ pub enum TreeOfFileError {
         /// Triangles of the scene.
         need_triangles: usize,
     },
+    /// A triangle is in several of its leaves.
+    #[error("{path} is a tree with splits: these cannot be optimised from a file")]
+    Splits {
+        /// The file.
+        path: PathBuf,
+    },
     /// It cannot be optimised as it is.
     #[error("{path}")]
     Encode {
@@ -55,6 +61,9 @@ pub enum TreeOfFileError {
 pub fn from_file(path: &Path, scene: &Scene, triangles: &[Triangle]) -> Result<Vec<Node>, TreeOfFileError> {
     assert_eq!(triangles.len(), scene.triangles.len(), "the triangles are those of the scene");
     let file = file::read(path)?;
+    if file.scene_hash == scene.hash && file.tree.has_splits(triangles.len()) {
+        return Err(TreeOfFileError::Splits { path: path.to_owned() });
+    }
     let have_triangles = file.tree.triangle_order.len();
     if file.scene_hash != scene.hash || have_triangles != triangles.len() {
         return Err(TreeOfFileError::OtherScene {

@@ -17,6 +17,7 @@ mod links;
 mod morton;
 mod order;
 mod ploc;
+mod sbvh;
 mod sort;
 mod sweep;
 mod top_down;
@@ -48,6 +49,7 @@ pub(crate) use kmeans::kmeans_until;
 pub use kmeans::{KMeansSettings, kmeans};
 pub use lbvh::lbvh;
 pub use ploc::{DEFAULT_RADIUS, ploc};
+pub use sbvh::{SbvhSettings, sbvh};
 #[cfg(feature = "atrbvh")]
 pub(crate) use sort::kernels as sort_kernels;
 pub use sweep::sah_sweep;

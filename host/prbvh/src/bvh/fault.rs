@@ -219,6 +219,16 @@ pub enum TreeFault {
         /// Its box.
         need: Aabb,
     },
+    /// The pieces of a triangle that is in several leaves leave a hole in it.
+    #[error("triangle {triangle}: its pieces in the leaves have an area of {have:e}, but it has {need:e}")]
+    Hole {
+        /// The triangle.
+        triangle: u32,
+        /// Sum of the pieces' areas, scene units².
+        have: f64,
+        /// Its area.
+        need: f64,
+    },
     /// A leaf holds a triangle whose box is nowhere in the leaf's.
     #[error("triangle {triangle}: a leaf that holds it lies apart from it")]
     LeafApart {

@@ -116,7 +116,10 @@ fn each_fault_of_the_header_is_named() {
     assert_eq!(refused(&put(&bytes, 12, 0)), (12, "the number of triangles", "0".into()));
     assert_eq!(refused(&put(&bytes, 16, 16)), (16, "the number of nodes", "16".into()));
     assert_eq!(refused(&put(&bytes, 16, 17)), (16, "the number of nodes", "17".into()));
-    assert_eq!(refused(&put(&bytes, 20, 5)), (20, "a reserved byte", "5".into()));
+    assert_eq!(refused(&put(&bytes, 20, 8)), (20, "the number of triangles of a tree with splits", "8".into()));
+    let (_, what, value) = refused(&put(&bytes, 20, 5));
+    assert!(what == "triangle" && ["5", "6", "7"].contains(&&*value), "{value}");
+    assert_eq!(refused(&put(&bytes, 40, 5)), (40, "a reserved byte", "5".into()));
     assert_eq!(refused(&put(&bytes, 60, 9)), (60, "a reserved byte", "9".into()));
     let end = bytes.len();
     let (offset, what, value) = refused(&bytes[..end - 1]);
@@ -197,4 +200,17 @@ fn what_is_no_file_is_refused() {
     let path = folder.path().join("tree.bvh");
     write(&path, &tree(4, 1).1, SCENE).unwrap();
     assert_eq!(read(&path).unwrap().tree.triangle_order.len(), 4);
+}
+
+#[test]
+fn a_tree_with_splits_comes_back() {
+    let (_, mut with_splits) = tree(8, 1);
+    // Two triangles of the last are pieces of the others.
+    with_splits.triangle_order.iter_mut().for_each(|triangle| *triangle %= 6);
+    let read = decoded(&encoded(&with_splits)).unwrap();
+    assert_eq!((tree_hash(&read.tree), read.tree.references()), (tree_hash(&with_splits), 8));
+    assert!(read.tree.has_splits(6));
+    with_splits.triangle_order.iter_mut().for_each(|triangle| *triangle = if *triangle == 3 { 2 } else { *triangle });
+    let missing = std::panic::catch_unwind(|| encoded(&with_splits));
+    assert!(missing.is_err(), "a triangle in no leaf was written");
 }

@@ -5,7 +5,7 @@
 //! | nodes of a device → tree | [`Bvh::from_device`] |
 //! | tree → nodes of a device | [`Bvh::to_device`] |
 //! | boxes of the original triangles | [`Bvh::with_boxes_of`] |
-//! | is it right? | [`validate`]; with spatial splits [`validate_references`] |
+//! | is it right? | [`validate`]; with spatial splits [`validate_tree`], [`validate_references`] |
 //! | is it good? | [`quality()`], [`epo()`] |
 //! | is it too deep? | [`bound_depth`] |
 //! | is it the same? | [`tree_hash`] |
@@ -14,6 +14,7 @@
 //!
 //! All walks use a stack of their own on the heap: a tree may be as deep as it has triangles.
 
+mod clip;
 mod decode;
 mod depth;
 mod encode;
@@ -27,6 +28,7 @@ pub mod file;
 mod file_error;
 mod hash;
 mod layout;
+mod merge;
 #[cfg(feature = "files")]
 mod parse;
 mod quality;
@@ -43,10 +45,11 @@ pub use epo::{Epo, EpoProgress, epo, epo_budget, epo_watched};
 pub use fault::{Link, TreeFault, summary};
 pub use hash::{topology_hash, tree_hash};
 pub use layout::{FlatNode, FlatTree};
+pub(crate) use merge::{merge_siblings, without_repeats};
 pub(crate) use quality::half_area;
 pub use quality::{Quality, SahModel, quality};
-pub use references::validate_references;
 pub(crate) use references::{pieces, reference_faults};
+pub use references::{validate_references, validate_tree};
 pub use validate::{TreeStats, links_and_leaves, validate};
 
 use prbvh_kernel::aabb::Aabb;

@@ -20,10 +20,10 @@ pub(super) struct LayoutError {
     pub(super) need: String,
 }
 
-/// The tree in `nodes[32 · node_count]` and `order[4 · triangle_count]`. All links and triangle ids are checked; boxes are not.
-pub(super) fn parse(nodes: &[u8], order: &[u8]) -> Result<Bvh, LayoutError> {
+/// The tree in `nodes[32 · node_count]` and `order[4 · triangle_count]`; `splits_of`: the triangles of the scene, where one may be in several leaves. All links and triangle ids are checked; boxes are not.
+pub(super) fn parse(nodes: &[u8], order: &[u8], splits_of: Option<u32>) -> Result<Bvh, LayoutError> {
     let node_count = nodes.len() / NODE_BYTES;
-    let triangle_order = parse_order(order, nodes.len())?;
+    let triangle_order = parse_order(order, nodes.len(), splits_of)?;
     let empty = BvhNode { aabb: Aabb::EMPTY, parent: NO_NODE, content: Content::Leaf { first: 0, count: 0 } };
     let mut parsed = vec![empty; node_count];
     let (mut next_node, mut next_position) = (ROOT + 1, 0u32);
@@ -75,12 +75,12 @@ pub(super) fn parse(nodes: &[u8], order: &[u8]) -> Result<Bvh, LayoutError> {
     Ok(Bvh { nodes: parsed, triangle_order })
 }
 
-/// The triangle ids, each of which must be there once; `base` is where they start.
-fn parse_order(order: &[u8], base: usize) -> Result<Vec<u32>, LayoutError> {
+/// The triangle ids, each of which must be there once, with splits at least once; `base` is where they start.
+fn parse_order(order: &[u8], base: usize, splits_of: Option<u32>) -> Result<Vec<u32>, LayoutError> {
     let words = order.chunks_exact(4);
-    let count = words.len();
+    let count = splits_of.map_or(words.len(), |triangles| triangles as usize);
     let mut seen = vec![false; count];
-    let mut ids = Vec::with_capacity(count);
+    let mut ids = Vec::with_capacity(words.len());
     for (position, word) in words.enumerate() {
         let id = u32::from_le_bytes([word[0], word[1], word[2], word[3]]);
         let offset = base + position * 4;
@@ -88,13 +88,18 @@ fn parse_order(order: &[u8], base: usize) -> Result<Vec<u32>, LayoutError> {
             None => {
                 return Err(LayoutError { offset, what: "triangle", value: id, need: format!("below {count}") });
             }
-            Some(true) => {
+            Some(true) if splits_of.is_none() => {
                 let need = "one that has not been before".to_owned();
                 return Err(LayoutError { offset, what: "triangle", value: id, need });
             }
             Some(seen) => *seen = true,
         }
         ids.push(id);
+    }
+    if let Some(missing) = seen.iter().position(|&seen| !seen) {
+        let need = format!("triangle {missing} too: each of {count} is in a leaf");
+        let value = ids.last().copied().unwrap_or(0);
+        return Err(LayoutError { offset: base + order.len() - 4, what: "triangle", value, need });
     }
     Ok(ids)
 }

@@ -1,8 +1,68 @@
 //! Trees over references: a primitive may be in several leaves, each of which holds a piece of it (spatial splits; Stich, Friedrich & Dietrich 2009).
 
-use super::validate::{Check, TreeStats};
+use super::clip::{clipped_area, corners, polygon_area};
+use super::validate::{Check, TreeStats, validate};
 use super::{Bvh, Content, TreeFault};
 use prbvh_kernel::aabb::Aabb;
+use prbvh_kernel::setup::Triangle;
+use rayon::prelude::*;
+
+impl Bvh {
+    /// Whether a triangle of a valid tree over so many is in several leaves, so that its leaves have boxes of pieces: there are more references than triangles.
+    #[must_use]
+    pub fn has_splits(&self, triangles: usize) -> bool {
+        self.triangle_order.len() > triangles
+    }
+
+    /// References: triangles, each counted once for every leaf that it is in.
+    #[must_use]
+    pub fn references(&self) -> usize {
+        self.triangle_order.len()
+    }
+}
+
+/// [`validate`](super::validate()) of a tree over `triangles`; of one [with splits](Bvh::has_splits) as [`validate_references`], and that the pieces of each triangle leave no hole in it: their areas
+/// add up to its own.
+///
+/// # Errors
+/// All faults, structure before boxes before holes.
+pub fn validate_tree(tree: &Bvh, triangles: &[Triangle]) -> Result<TreeStats, Vec<TreeFault>> {
+    if !tree.has_splits(triangles.len()) {
+        return validate(tree, Some(triangles));
+    }
+    let boxes: Vec<Aabb> = triangles.par_iter().map(Triangle::aabb).collect();
+    let stats = validate_references(tree, &boxes)?;
+    let faults = holes(tree, triangles);
+    if faults.is_empty() { Ok(stats) } else { Err(faults) }
+}
+
+/// Parts of its own area, and of the square of its extent, by which the pieces of a triangle may seem to be less: roundings of float64.
+const OF_AREA: f64 = 1e-6;
+const OF_EXTENT: f64 = 1e-13;
+
+/// Triangles whose pieces are less than they.
+fn holes(tree: &Bvh, triangles: &[Triangle]) -> Vec<TreeFault> {
+    let mut held = vec![0u32; triangles.len()];
+    tree.triangle_order.iter().for_each(|&triangle| held[triangle as usize] += 1);
+    let of_leaf = |node: &super::BvhNode| -> Vec<(u32, f64)> {
+        let Content::Leaf { first, count } = node.content else { return Vec::new() };
+        let split = tree.triangles_of(first, count).iter().filter(|&&triangle| held[triangle as usize] > 1);
+        let [min, max] = [node.aabb.min, node.aabb.max].map(|corner| corner.map(f64::from));
+        split.map(|&t| (t, clipped_area(&corners(&triangles[t as usize]), &min, &max))).collect()
+    };
+    let parts: Vec<(u32, f64)> = tree.nodes.par_iter().flat_map_iter(of_leaf).collect();
+    let mut areas = vec![0.0; triangles.len()];
+    parts.iter().for_each(|&(triangle, area)| areas[triangle as usize] += area);
+    let fault = |(triangle, &have): (usize, &f64)| {
+        let of = &triangles[triangle];
+        let need = polygon_area(&corners(of));
+        let Aabb { min, max } = of.aabb();
+        let extent = (0..3).map(|k| f64::from(max[k]) - f64::from(min[k])).fold(0.0, f64::max);
+        let is_whole = have >= need * (1.0 - OF_AREA) - extent * extent * OF_EXTENT;
+        (held[triangle] > 1 && !is_whole).then_some(TreeFault::Hole { triangle: triangle as u32, have, need })
+    };
+    areas.iter().enumerate().filter_map(fault).collect()
+}
 
 /// As [`validate`](super::validate()), but primitives may be in more than one leaf. `boxes` are those of the primitives, `triangle_order` holds their
 /// numbers. Checks that
@@ -97,7 +157,7 @@ mod tests {
         let stats = validate_references(&tree, &boxes).unwrap();
         assert_eq!((stats.nodes, stats.leaves, stats.triangles), (3, 2, 3));
         assert_eq!(pieces(&tree, &boxes).unwrap(), [unit(0.0, 2.0), unit(3.0, 5.0), unit(2.0, 4.0)]);
-        assert!(super::super::validate(&tree, None).is_err());
+        assert!(validate(&tree, None).is_err());
     }
 
     #[test]

@@ -42,6 +42,7 @@ pub fn build_on_host(
         | Initial::Hploc { .. }
         | Initial::Atrbvh { .. }
         | Initial::Trbvh { .. }
+        | Initial::Sbvh
         | Initial::Tree(_) => None,
         #[cfg(feature = "files")]
         Initial::File { .. } => None,

@@ -13,13 +13,6 @@ use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
 use std::time::Instant;
 
-/// The tree that the caller has, with a reference in each leaf.
-pub(super) fn given_tree(scene: &Scene, initial: &Initial) -> Result<Option<References>, PipelineError> {
-    let Initial::Tree(tree) = initial else { return Ok(None) };
-    let references = References::split(tree, &scene.boxes());
-    references.map(Some).map_err(|faults| PipelineError::GivenTree { faults })
-}
-
 /// The tree to start from, on the device, and the times of its stages.
 pub(super) fn initial_tree(
     #[cfg_attr(
@@ -67,7 +60,7 @@ pub(super) fn initial_tree(
             let built = on_host(device, || build_on_host(&settings.initial, &working, stop))?;
             ("build on the host", built.ok_or(DeviceError::Stopped)?)
         }
-        Initial::Tree(_) => {
+        Initial::Tree(_) | Initial::Sbvh => {
             let tree = given.map(|given| given.tree.clone()).ok_or(DeviceError::Stopped)?;
             ("read tree", tree.with_boxes_of(&working).to_device()?)
         }

@@ -15,18 +15,13 @@ pub struct WideTree {
     pub quality: WideQuality,
 }
 
-/// The wide tree of `tree`, validated as it is packed; of a tree of references (`is_split`) without the triangles.
-pub(super) fn wide_tree(
-    tree: &Bvh,
-    scene: &Scene,
-    is_split: bool,
-    settings: &WideSettings,
-) -> Result<WideTree, PipelineError> {
+/// The wide tree of `tree`, validated as it is packed; where a triangle is in several leaves, without the triangles.
+pub(super) fn wide_tree(tree: &Bvh, scene: &Scene, settings: &WideSettings) -> Result<WideTree, PipelineError> {
     let invalid = |faults| PipelineError::InvalidWideTree { faults };
     let wide = collapse(tree, settings)?;
     let quality = wide::quality(&wide, &settings.costs());
     let packed = PackedTree::new(&wide, settings.layout).expect("leaves were made for the layout");
-    let triangles = (!is_split).then_some(&*scene.triangles);
+    let triangles = (!tree.has_splits(scene.triangles.len())).then_some(&*scene.triangles);
     validate(&packed.unpack().map_err(invalid)?, triangles).map_err(invalid)?;
     Ok(WideTree { tree: packed, quality })
 }

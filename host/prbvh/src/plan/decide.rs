@@ -7,9 +7,11 @@ use crate::build::{Codes, MOST_COMPARED, MortonBits};
 use crate::device::{DeviceError, DeviceInfo};
 use crate::format;
 use crate::optimize::{Order, PrbvhSettings, Strategy, WorstFirst};
-use crate::scene::Scene;
+use crate::scene::{Primitives, Scene};
 use crate::settings::{Initial, Optimizer, Settings};
+use bytemuck::Zeroable;
 use prbvh_kernel::Kernel;
+use prbvh_kernel::setup::Triangle;
 use std::collections::BTreeSet;
 
 /// Why duplicates are not folded.
@@ -46,6 +48,7 @@ pub(super) fn items(
     } else {
         vec![decide.no_codes()?]
     };
+    items.extend(decide.presplit());
     items.extend(decide.optimizer()?);
     items.push(decide.collapse());
     items.push(decide.wide());
@@ -72,7 +75,9 @@ impl Decide<'_> {
     /// What a builder takes that is not the plan's.
     fn build(&self, initial: &Initial, codes: Codes) -> Result<Taken, DeviceError> {
         let mut dry = DryDevice::new(self.info);
-        dry.build(initial, codes, &self.scene.triangles[..self.plan.references])?;
+        let references = self.plan.references;
+        let stand_ins = vec![Triangle::zeroed(); if references > self.scene.triangles.len() { references } else { 0 }];
+        dry.build(initial, codes, self.scene.triangles.get(..references).unwrap_or(&stand_ins))?;
         Ok(dry.taken())
     }
 
@@ -84,6 +89,25 @@ impl Decide<'_> {
             saved = Saving { kernels, spirv_bytes, ..saved };
         }
         saved
+    }
+
+    /// Nothing where nobody asked.
+    fn presplit(&self) -> Option<Item> {
+        let census = self.plan.presplit_census?;
+        let candidates = format::count(census.candidates as u64);
+        let excess = format!(
+            "a random ray meets {:.2} boxes of triangles without need, {:.2} of them large ones",
+            census.excess, census.excess_of_large
+        );
+        Some(if self.plan.presplits {
+            item(Omission::Presplit, Status::Needed, format!("{excess}; {candidates} triangles may be split"))
+        } else if self.scene.primitives == Primitives::Boxes {
+            item(Omission::Presplit, Status::NoneThere, "the scene is of boxes, which are not cut")
+        } else if census.candidates == 0 {
+            item(Omission::Presplit, Status::NoneThere, "no triangle's box would get smaller by it")
+        } else {
+            item(Omission::Presplit, Status::LeftOut, format!("{excess}: too few to pay for more references"))
+        })
     }
 
     fn no_codes(&self) -> Result<Item, DeviceError> {
@@ -98,6 +122,7 @@ impl Decide<'_> {
         let decided = |status, why: String| item(Omission::LowerCodes, status, why);
         if codes.bits == MortonBits::Sixty {
             let why = match self.plan.code_census.and_then(|census| census.low_tells_more) {
+                _ if self.plan.presplits => "the codes are those of references that are not there yet".to_owned(),
                 Some(true) => "two triangles differ in them alone".to_owned(),
                 Some(false) => "kept in, though no two triangles differ in them alone".to_owned(),
                 None => format!(
@@ -125,6 +150,10 @@ impl Decide<'_> {
         let all = Codes::from(codes.bits);
         let is_less = codes.high != all.high || (words == 2 && codes.low != all.low);
         if !is_less {
+            if self.plan.presplits {
+                let why = "the codes are those of references that are not there yet";
+                return Ok(item(Omission::EqualBits, Status::Needed, why));
+            }
             let looked_at = self.plan.code_census.map_or(0, |census| census.looked_at);
             let why = format!(
                 "of {} codes each pass has bits that differ, or too few have none to pay for a look at all codes",

@@ -5,6 +5,7 @@ use crate::build::{self, Codes, DeviceTree};
 use crate::collapse;
 use crate::device::{Buffer, Command, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing, Traffic};
 use crate::optimize::{Limits, PrbvhSettings, RotationSettings, prbvh_unchecked, rotations_unchecked};
+use crate::presplit;
 use crate::settings::Initial;
 use crate::trace::TraceScene;
 use crate::wide::{Layout, Width};
@@ -43,6 +44,8 @@ const TREELETS: [Kernel; 2] = [Kernel::AtrbvhLevels, Kernel::AtrbvhRestructure];
 const OPTIMAL: [Kernel; 2] = [Kernel::AtrbvhLevels, Kernel::TrbvhRestructure];
 const COLLAPSE: [Kernel; 4] =
     [Kernel::CollapseSizes, Kernel::CollapsePlaces, Kernel::CollapseJump, Kernel::CollapseEmit];
+const PRESPLIT: [Kernel; 4] =
+    [Kernel::PresplitPriorities, Kernel::PresplitSums, Kernel::PresplitPlaces, Kernel::PresplitPieces];
 
 impl DryDevice {
     /// A device like the one with `info`, but without its limits.
@@ -169,6 +172,13 @@ impl DryDevice {
         collapse::reserve(self, tree.references)?;
         self.kernels.extend(COLLAPSE);
         tree.free(self);
+        Ok(())
+    }
+
+    /// Splits triangles into so many references at most.
+    pub(super) fn presplit(&mut self, triangles: usize, references: usize) -> Result<(), DeviceError> {
+        presplit::reserve(self, triangles, references)?;
+        self.kernels.extend(PRESPLIT);
         Ok(())
     }
 

@@ -42,6 +42,8 @@ pub enum Omission {
     MoreLocks,
     /// Refits of nodes below which nothing moved.
     UnchangedBoxes,
+    /// Pieces of triangles as references of their own.
+    Presplit,
     /// Kernels that no phase runs.
     Kernels,
 }
@@ -67,6 +69,7 @@ impl fmt::Display for Omission {
             Self::Tail => "a broad search of all nodes at the end",
             Self::MoreLocks => "further rounds of locks over one search",
             Self::UnchangedBoxes => "refits of nodes below which nothing moved",
+            Self::Presplit => "splits of triangles before the build",
             Self::Kernels => "kernels that no phase runs",
         })
     }

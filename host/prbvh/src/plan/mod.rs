@@ -17,14 +17,15 @@ pub use item::{Item, Omission, Saving, Status};
 use crate::build::{self, CodeCensus, Codes};
 use crate::device::{DeviceError, DeviceInfo};
 use crate::fold::Fold;
+use crate::presplit::PresplitCensus;
 use crate::scene::Scene;
-use crate::settings::{Optimizer, Settings};
+use crate::settings::{Initial, Optimizer, Settings};
 use prbvh_kernel::Kernel;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// What a run will do.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct Plan {
@@ -44,8 +45,12 @@ pub struct Plan {
     pub code: DeviceCode,
     /// Hash of the scene that it was made for.
     pub scene_hash: String,
-    /// References that the tree is built and optimised over: triangles, less those folded.
+    /// References that the tree is built and optimised over: triangles, less those folded; with splits as many as there may be.
     pub references: usize,
+    /// What splits of the triangles promise; none where nobody asked for them.
+    pub presplit_census: Option<PresplitCensus>,
+    /// Whether triangles are split before the tree is built.
+    pub presplits: bool,
     /// Classes of triangles with equal boxes, where they are folded.
     #[cfg_attr(feature = "serde", serde(skip))]
     pub(crate) fold: Option<Arc<Fold>>,
@@ -80,16 +85,23 @@ impl Plan {
     pub fn of(scene: &Scene, info: &DeviceInfo, settings: &Settings, keep: &[Omission]) -> Result<Self, DeviceError> {
         let triangles = scene.triangles.len();
         build::check_limits(&DeviceInfo { max_buffer_bytes: u64::MAX, ..info.clone() }, triangles)?;
-        let code_census =
-            settings.initial.has_codes().then(|| CodeCensus::of(&scene.triangles, scene.census.min, scene.census.max));
+        let presplit_census = settings.presplit.map(|presplit| PresplitCensus::of(scene, &presplit));
+        let presplits = presplit_census.is_some_and(|census| census.promises() || keep.contains(&Omission::Presplit));
+        // The codes are those of references that are not there yet.
+        let has_census = settings.initial.has_codes() && !presplits;
+        let code_census = has_census.then(|| CodeCensus::of(&scene.triangles, scene.census.min, scene.census.max));
+        let references = triangles + most_splits(triangles, settings, presplits);
+        build::check_limits(&DeviceInfo { max_buffer_bytes: u64::MAX, ..info.clone() }, references)?;
         let asked = Codes::from(settings.morton_bits);
         let enough = code_census.map_or(asked, |census| census.enough(settings.morton_bits));
         let codes = dry::codes_with(enough, asked, keep);
         let collapses =
-            settings.adaptive.is_some() && (needs_collapse(triangles, settings) || keep.contains(&Omission::Collapse));
+            settings.adaptive.is_some() && (needs_collapse(references, settings) || keep.contains(&Omission::Collapse));
         let fold = folds(settings).then(|| Fold::of(&scene.triangles)).filter(|fold| fold.folded() > 0);
         let mut plan = Self {
-            references: fold.as_ref().map_or(triangles, Fold::len),
+            references: fold.as_ref().map_or(references, Fold::len),
+            presplit_census,
+            presplits,
             fold: fold.map(Arc::new),
             triangles,
             items: Vec::new(),
@@ -122,10 +134,16 @@ impl Plan {
         if self.fold.is_some() && !folds(settings) {
             return needed(Omission::Duplicates);
         }
-        if needs_collapse(self.triangles, settings) && !self.collapses {
+        let has_room = self.fold.is_some()
+            || self.references >= self.triangles + most_splits(self.triangles, settings, self.presplits);
+        if settings.presplit.is_some() != self.presplit_census.is_some() || !has_room {
+            return needed(Omission::Presplit);
+        }
+        if needs_collapse(self.references, settings) && !self.collapses {
             return needed(Omission::Collapse);
         }
-        if !settings.initial.has_codes() {
+        let is_all = self.codes == asked;
+        if !settings.initial.has_codes() || (self.presplits && is_all) {
             return Ok(());
         }
         let enough = self.code_census.map(|census| census.enough(settings.morton_bits));
@@ -179,7 +197,16 @@ fn folds(settings: &Settings) -> bool {
     settings.fold_duplicates && settings.optimizer != Optimizer::None && !settings.initial.is_given()
 }
 
+/// References beyond the triangles, at most.
+fn most_splits(triangles: usize, settings: &Settings, presplits: bool) -> usize {
+    match (&settings.presplit, &settings.initial) {
+        (Some(presplit), _) if presplits => presplit.most_splits(triangles),
+        (_, Initial::Sbvh) => settings.sbvh.most_splits(triangles),
+        _ => 0,
+    }
+}
+
 /// Whether a leaf may get a second triangle.
-fn needs_collapse(triangles: usize, settings: &Settings) -> bool {
-    triangles > 1 && settings.adaptive.is_some_and(|leaves| leaves.max_leaf != Some(1))
+fn needs_collapse(references: usize, settings: &Settings) -> bool {
+    references > 1 && settings.adaptive.is_some_and(|leaves| leaves.max_leaf != Some(1))
 }

@@ -5,9 +5,12 @@ use super::bytes::PhaseBytes;
 use super::dry::{DryDevice, Taken};
 use crate::device::{DeviceError, DeviceInfo};
 use crate::optimize::{Order, PrbvhSettings, Strategy};
+use crate::presplit::is_on_device;
 use crate::scene::Scene;
 use crate::settings::{Optimizer, Settings};
 use crate::wide::WideSettings;
+use bytemuck::Zeroable;
+use prbvh_kernel::setup::Triangle;
 
 /// The phases, and what each took.
 pub(super) type Phases = (Vec<PhaseBytes>, Vec<Taken>);
@@ -38,7 +41,11 @@ pub(super) fn phases(
     info: &DeviceInfo,
     settings: &Settings,
 ) -> Result<Phases, DeviceError> {
-    let (n, references) = (scene.triangles.len(), plan.references);
+    let references = plan.references;
+    // What comes after the optimiser knows nothing of folded triangles.
+    let most = scene.triangles.len().max(references);
+    let stand_ins = vec![Triangle::zeroed(); if references > scene.triangles.len() { references } else { 0 }];
+    let triangles = scene.triangles.get(..references).unwrap_or(&stand_ins);
     let phase = |name: String, runs, stage: &dyn Fn(&mut DryDevice) -> Result<(), DeviceError>| {
         let mut dry = DryDevice::new(info);
         stage(&mut dry)?;
@@ -46,7 +53,7 @@ pub(super) fn phases(
     };
     let mut phases: Vec<(PhaseBytes, Taken)> =
         vec![phase(format!("build, {}", settings.initial.method()), true, &|dry| {
-            dry.build(&settings.initial, plan.codes, &scene.triangles[..references])
+            dry.build(&settings.initial, plan.codes, triangles)
         })?];
     let published = |strategy| PrbvhSettings { order: Order::Published, strategy, ..settings.prbvh.clone() };
     for (name, prbvh) in [
@@ -58,14 +65,19 @@ pub(super) fn phases(
         let name = format!("optimise, {name}");
         phases.push(phase(name, runs, &|dry| dry.optimize(references, prbvh.clone(), ITERATIONS))?);
     }
-    phases.push(phase("collapse".to_owned(), plan.collapses, &|dry| dry.collapse(n))?);
-    phases.push(phase("trace".to_owned(), false, &|dry| dry.trace(n))?);
+    phases.push(phase("collapse".to_owned(), plan.collapses, &|dry| dry.collapse(most))?);
+    phases.push(phase("trace".to_owned(), false, &|dry| dry.trace(most))?);
     if let Optimizer::Rotations(rotations) = &settings.optimizer {
         let name = "optimise, rotations".to_owned();
         phases.push(phase(name, true, &|dry| dry.rotate(references, rotations, ITERATIONS))?);
     }
     if let Some(WideSettings { width, layout, .. }) = settings.wide {
-        phases.push(phase(format!("trace, {layout} of {width}"), false, &|dry| dry.trace_wide(n, width, layout))?);
+        phases.push(phase(format!("trace, {layout} of {width}"), false, &|dry| dry.trace_wide(most, width, layout))?);
+    }
+    let on_device = settings.presplit.filter(|presplit| plan.presplits && is_on_device(presplit));
+    if on_device.is_some() {
+        let triangles = scene.triangles.len();
+        phases.push(phase("presplit".to_owned(), true, &|dry| dry.presplit(triangles, references))?);
     }
     Ok(phases.into_iter().unzip())
 }

@@ -4,6 +4,7 @@ use super::{Initial, Optimizer, Settings};
 use crate::build::{Bins, TreeletSize};
 use crate::collapse::CollapseSettings;
 use crate::optimize::{Epsilon, Limits, PrbvhSettings, RbvhSettings, RotationSettings};
+use crate::presplit::PresplitSettings;
 use serde_json::{Value, json};
 use std::num::NonZeroU32;
 use std::time::Duration;
@@ -37,6 +38,7 @@ fn settings_are_plain_keys_and_read_back() {
         ("max_depth", json!(63)),
         ("adaptive", Value::Null),
         ("wide", Value::Null),
+        ("presplit", Value::Null),
     ] {
         assert_eq!(plain[key], value, "{key}");
     }
@@ -77,6 +79,10 @@ fn what_is_chosen_brings_its_keys() {
         let built = with_initial(Initial::of_name(text).unwrap().unwrap());
         assert_eq!((&built["initial"], &built[name]), (&json!(name), &settings));
     }
+    let presplit = written(&Settings::default().with(|settings| settings.presplit = Some(PresplitSettings::default())));
+    assert_eq!(presplit["presplit"], json!({ "budget": 0.3, "form": "level" }));
+    let sbvh = with_initial(Initial::Sbvh);
+    assert_eq!((&sbvh["initial"], &sbvh["sbvh"]["bins"]), (&json!("sbvh"), &json!(32)));
     let limits = Limits::iterations(3).with(|limits| limits.max_time = Some(Duration::from_millis(1500)));
     let rbvh = written(&Settings::default().with(|settings| {
         settings.optimizer = Optimizer::Rbvh(RbvhSettings::default().with(|rbvh| rbvh.limits = limits));

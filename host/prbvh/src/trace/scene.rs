@@ -47,7 +47,7 @@ pub(super) struct Layout {
 }
 
 impl TraceScene {
-    /// Puts `tree` over `triangles` on the device. Rays will start in the smallest box around the scene and the points `starts`.
+    /// Puts `tree` over `triangles` on the device; leaves of a tree [with splits](Bvh::has_splits) keep their boxes. Rays will start in the smallest box around the scene and the points `starts`.
     ///
     /// # Errors
     /// If the tree is none over as many triangles, or the device refuses or fails.
@@ -58,12 +58,20 @@ impl TraceScene {
         starts: &[[f32; 3]],
     ) -> Result<Self, TraceError> {
         let (range, working) = working(device, triangles, starts);
-        let faults = bvh::links_and_leaves(tree, triangles.len());
+        let has_splits = tree.has_splits(triangles.len());
+        let faults = if has_splits {
+            bvh::validate_tree(tree, triangles).err().unwrap_or_default()
+        } else {
+            bvh::links_and_leaves(tree, triangles.len())
+        };
         if !faults.is_empty() {
             return Err(TraceError::InvalidTree(faults));
         }
         let depth = bvh::quality(tree, &bvh::SahModel::default()).max_depth;
-        let Layout { nodes, triangles, root } = Layout::new(&tree.clone().with_boxes_of(&working), &working);
+        let Layout { nodes, triangles, root } = on_host(device, || {
+            let tree = if has_splits { with_boxes_in(tree, &range) } else { tree.clone().with_boxes_of(&working) };
+            Layout::new(&tree, &working)
+        });
         let nodes = (bytemuck::cast_slice(&nodes), size_of::<TraceNode>());
         Ok(Self::upload(device, &Arrays { form: Form::Binary, nodes, triangles: &triangles, root, depth }, range)?)
     }
@@ -220,6 +228,16 @@ fn buffers_of(
 fn reserve(device: &mut dyn Device, nodes: usize, node_bytes: usize, triangles: usize) -> Result<(), DeviceError> {
     let device = &mut Lease::new(device);
     buffers_of(device, nodes, node_bytes, triangles).map(|_| ())
+}
+
+/// The tree with its own boxes in the trace range, those of pieces: the rays' tests widen boxes by far more than what a corner may be rounded by here.
+fn with_boxes_in(tree: &Bvh, range: &TraceRange) -> Bvh {
+    let mut tree = tree.clone();
+    for node in &mut tree.nodes {
+        let Aabb { min, max } = node.aabb;
+        node.aabb = Aabb { min: range.point(min), max: range.point(max) };
+    }
+    tree.with_boxes_of_leaves()
 }
 
 impl Layout {

@@ -1,19 +1,18 @@
 //! End-point overlap (Aila, Karras & Laine 2013, *On Quality Metrics of Bounding Volume Hierarchies*).
 
-mod clip;
 mod sample;
 mod walk;
 mod watch;
 
 pub use watch::EpoProgress;
 
+use super::clip::{corners, polygon_area};
 use super::{Bvh, SahModel};
-use clip::{corners, polygon_area};
 use prbvh_kernel::setup::Triangle;
 use rayon::prelude::*;
 use sample::sampled;
 use std::ops::ControlFlow;
-use walk::Walk;
+use walk::{Held, Walk};
 use watch::{End, Watch};
 
 /// Distinct triangles whose shares are summed by one thread; fixed, so that the result does not depend on the threads.
@@ -76,6 +75,9 @@ pub fn epo(tree: &Bvh, triangles: &[Triangle], model: &SahModel) -> Epo {
 /// `C(n)` is `c_traversal` for an internal node and `c_intersect` times its triangles for a leaf. A box is closed: a triangle that lies in
 /// one of its faces is inside. Coincident triangles count each. Where `S` has no area the result is 0.
 ///
+/// Where a triangle is in several leaves (spatial splits), each of these holds what of it lies in the leaf's box, its piece, and `Q(n)` are the pieces in the subtree: a node that holds one
+/// piece of a triangle is visited in vain by a ray that ends on another piece in it. Where pieces of a triangle in one subtree overlap, the overlap is counted as held twice.
+///
 /// The sum is taken in f64 in the order of the corners, and for each triangle in depth-first order: one tree has one value, however its
 /// nodes are numbered and on however many threads. Coordinates of any finite f32 neither overflow nor underflow. Copies of a triangle
 /// share a walk through the tree, which would be quadratic in their number; near copies have one each.
@@ -104,7 +106,7 @@ pub fn epo_watched(
         Err(End::OverBudget) => {
             groups.retain(|group| group.area > 0.0);
             // Neighbours in the tree are alike, which makes for small errors.
-            groups.par_sort_unstable_by_key(|group| group.ranks[0]);
+            groups.par_sort_unstable_by_key(|group| group.held.ranks[0]);
             sampled(&walk, &groups, budget, SEED, observe).ok()
         }
     }
@@ -114,12 +116,12 @@ pub fn epo_watched(
 fn groups(triangles: &[Triangle], walk: &Walk) -> Vec<Group> {
     let bits = |id: u32| corners(&triangles[id as usize]).map(|corner| corner.map(f64::to_bits));
     let mut ids: Vec<u32> = (0..triangles.len() as u32).collect();
-    ids.par_sort_unstable_by_key(|&id| (bits(id), walk.ranks[id as usize]));
+    ids.par_sort_unstable_by_key(|&id| (bits(id), walk.first_rank(id)));
     let copies: Vec<&[u32]> = ids.chunk_by(|&a, &b| bits(a) == bits(b)).collect();
     let group = |ids: &&[u32]| {
-        let corners = corners(&triangles[ids[0] as usize]);
-        let ranks = ids.iter().map(|&id| walk.ranks[id as usize]).collect();
-        Group { area: polygon_area(&corners), corners, ranks }
+        let triangle = &triangles[ids[0] as usize];
+        let corners = corners(triangle);
+        Group { area: polygon_area(&corners), corners, held: walk.held(ids, triangle) }
     };
     copies.par_iter().map(group).collect()
 }
@@ -129,8 +131,8 @@ struct Group {
     corners: [[f64; 3]; 3],
     /// Of one of them.
     area: f64,
-    /// Places in depth-first order, rising.
-    ranks: Vec<u32>,
+    /// Where they are.
+    held: Held,
 }
 
 /// Every triangle against every box that it may meet.
@@ -138,11 +140,11 @@ fn exact(walk: &Walk, groups: &[Group], watch: &Watch<'_>) -> Result<Epo, End> {
     watch.begins(false, groups.len());
     let chunk = |groups: &[Group]| -> Result<[f64; 2], End> {
         let mut sums = [0.0; 2];
-        for Group { corners, area, ranks } in groups {
-            sums[0] += area * ranks.len() as f64;
+        for Group { corners, area, held } in groups {
+            sums[0] += area * held.copies as f64;
             let mut tests = 0;
             if *area > 0.0 {
-                let (overlap, looked_at) = walk.overlap(corners, ranks);
+                let (overlap, looked_at) = walk.overlap(corners, held);
                 sums[1] += overlap;
                 tests = looked_at;
             }

@@ -59,7 +59,7 @@ impl<'a> Sample<'a> {
     pub(super) fn new(walk: &'a Walk, groups: &'a [Group]) -> Self {
         let mut area = 0.0;
         let end = |group: &Group| {
-            area += group.area * group.ranks.len() as f64;
+            area += group.area * group.held.copies as f64;
             area
         };
         let ends = groups.iter().map(end).collect();
@@ -74,9 +74,9 @@ impl<'a> Sample<'a> {
         let points: Vec<[f64; 2]> = (0..strata).map(|k| [(); 2].map(|()| point(k, noise.unit()))).collect();
         let measure = |&at: &f64| -> Result<f64, End> {
             let group = &self.groups[self.ends.partition_point(|&end| end <= at).min(self.groups.len() - 1)];
-            let (overlap, tests) = self.walk.overlap(&group.corners, &group.ranks);
+            let (overlap, tests) = self.walk.overlap(&group.corners, &group.held);
             watch.has_done(tests)?;
-            Ok(overlap / (group.area * group.ranks.len() as f64))
+            Ok(overlap / (group.area * group.held.copies as f64))
         };
         points.par_iter().map(|[a, b]| Ok([measure(a)?, measure(b)?])).collect()
     }

@@ -1,8 +1,8 @@
 //! End-point overlap by hand, against brute force, at the ends of f32, and from a sample.
 
+use super::super::clip::clipped_area;
 use super::super::testing::{Rng, device_tree, renumbered, tree};
 use super::super::{BvhNode, Content, NO_NODE, ROOT};
-use super::clip::clipped_area;
 use super::sample::{LEAST_STRATA, Sample, estimate};
 use super::*;
 use prbvh_kernel::aabb::Aabb;
@@ -56,6 +56,26 @@ fn overlap_by_hand() {
     assert!((value(&two_leaves(&triangles, &[0], &[1, 2]), &triangles, &MODEL) - expected).abs() < 1e-15);
     let other = SahModel { c_traversal: 100.0, c_intersect: 1.0 };
     assert!((value(&two_leaves(&triangles, &[0], &[1, 2]), &triangles, &other) - expected / 2.0).abs() < 1e-15);
+}
+
+#[test]
+fn a_node_holds_the_pieces_in_it_and_no_others() {
+    // The large one, area 8, in two at x = 2: 6 in [0, 2] × [0, 4] and 2 in [2, 4] × [0, 2]. Beside the first hangs the small one, whose box is [2, 3] × [0, 1].
+    let triangles = [flat(0.0, 0.0, 0.0, 4.0), flat(2.0, 0.0, 0.0, 1.0)];
+    let slab = |from: [f32; 2], to: [f32; 2]| Aabb { min: [from[0], from[1], 0.0], max: [to[0], to[1], 0.0] };
+    let leaf = |aabb, parent, first| BvhNode { aabb, parent, content: Content::Leaf { first, count: 1 } };
+    let internal = |aabb, parent, left| BvhNode { aabb, parent, content: Content::Internal { left, right: left + 1 } };
+    let nodes = vec![
+        internal(slab([0.0, 0.0], [4.0, 4.0]), NO_NODE, 1),
+        internal(slab([0.0, 0.0], [3.0, 4.0]), ROOT, 3),
+        leaf(slab([2.0, 0.0], [4.0, 2.0]), ROOT, 2),
+        leaf(slab([0.0, 0.0], [2.0, 4.0]), 1, 0),
+        leaf(slab([2.0, 0.0], [3.0, 1.0]), 1, 1),
+    ];
+    let tree = Bvh { nodes, triangle_order: vec![0, 1, 0] };
+    // 3/2 of the second piece lies in the node above the first two leaves, 1 in the small one's leaf, and the small one in the second piece's.
+    let expected = (3.0 * 1.5 + 2.0 * 1.0 + 2.0 * 0.5) / 8.5;
+    assert!((value(&tree, &triangles, &MODEL) - expected).abs() < 1e-12);
 }
 
 #[test]
@@ -137,7 +157,7 @@ fn intervals_cover_the_exact_value_and_no_other() {
         let exact = value(tree, triangles, &MODEL);
         let walk = Walk::new(tree, triangles.len(), &MODEL);
         let mut groups = groups(triangles, &walk);
-        groups.sort_unstable_by_key(|group| group.ranks[0]);
+        groups.sort_unstable_by_key(|group| group.held.ranks[0]);
         let sample = Sample::new(&walk, &groups);
         let watch = Watch::new(u64::MAX, &|_| ControlFlow::Continue(()));
         let estimates: Vec<[f64; 2]> =

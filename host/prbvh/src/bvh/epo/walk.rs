@@ -1,14 +1,27 @@
 //! A triangle on its way through a tree.
 
+use super::super::clip::{clipped_area, corners, cross, minus};
 use super::super::{Bvh, Content, ROOT, SahModel};
-use super::clip::{clipped_area, cross, minus};
 use prbvh_kernel::aabb::Aabb;
+use prbvh_kernel::setup::Triangle;
 
 /// The tree in depth-first order.
 pub(super) struct Walk {
     steps: Vec<Step>,
-    /// Place of each triangle among all in depth-first order.
+    /// Where the references of each triangle begin among `references`, and the end: `[n + 1]`.
+    starts: Vec<u32>,
+    /// For each triangle the places of its references among all in depth-first order, rising, with the steps of their leaves.
+    references: Vec<(u32, u32)>,
+}
+
+/// Where copies of a triangle are held.
+pub(super) struct Held {
+    /// Places of the references in depth-first order, rising.
     pub(super) ranks: Vec<u32>,
+    /// How many triangles they are.
+    pub(super) copies: usize,
+    /// Areas of what the references before each hold, and of all, where a triangle has several: `[ranks + 1]`; else nothing.
+    parts: Vec<f64>,
 }
 
 /// A node of the walk.
@@ -25,9 +38,10 @@ struct Step {
 
 impl Walk {
     pub(super) fn new(tree: &Bvh, triangles: usize, model: &SahModel) -> Self {
-        assert_eq!(tree.triangle_order.len(), triangles, "the tree is over other triangles");
+        assert!(tree.triangle_order.iter().all(|&triangle| (triangle as usize) < triangles), "other triangles");
         let mut steps: Vec<Step> = Vec::with_capacity(tree.nodes.len());
-        let mut ranks = vec![0; triangles];
+        // (triangle, rank, step)
+        let mut references: Vec<(u32, u32, u32)> = Vec::with_capacity(tree.triangle_order.len());
         let mut rank = 0;
         // A node is met twice: before and, as its place in the walk, after all that is below.
         let mut pending = vec![Meeting::Before(ROOT)];
@@ -52,7 +66,7 @@ impl Walk {
                         Content::Leaf { first, count } => {
                             step.cost = model.c_intersect * f64::from(count);
                             for &triangle in tree.triangles_of(first, count) {
-                                ranks[triangle as usize] = rank;
+                                references.push((triangle, rank, steps.len() as u32));
                                 rank += 1;
                             }
                         }
@@ -61,31 +75,74 @@ impl Walk {
                 }
             }
         }
-        Self { steps, ranks }
+        references.sort_unstable();
+        let starts = (0..=triangles as u32).map(|k| references.partition_point(|r| r.0 < k) as u32).collect();
+        let references: Vec<(u32, u32)> = references.into_iter().map(|(_, rank, step)| (rank, step)).collect();
+        assert!(references.len() >= triangles, "the tree is over other triangles");
+        Self { steps, starts, references }
     }
 
-    /// `Σ C(n) · area(triangle ∩ n)` over the nodes that do not hold a copy of the triangle, for all its copies, and how many boxes were looked
-    /// at; `ranks` rise.
-    pub(super) fn overlap(&self, corners: &[[f64; 3]; 3], ranks: &[u32]) -> (f64, u64) {
+    fn references_of(&self, triangle: u32) -> &[(u32, u32)] {
+        let [start, end] = [0, 1].map(|k| self.starts[triangle as usize + k] as usize);
+        &self.references[start..end]
+    }
+
+    /// The first place of a triangle.
+    pub(super) fn first_rank(&self, triangle: u32) -> u32 {
+        self.references_of(triangle).first().map_or(u32::MAX, |reference| reference.0)
+    }
+
+    /// Where copies of a triangle are held.
+    pub(super) fn held(&self, copies: &[u32], triangle: &Triangle) -> Held {
+        let mut references: Vec<(u32, u32)> = copies.iter().flat_map(|&id| self.references_of(id)).copied().collect();
+        references.sort_unstable();
+        let mut parts = Vec::new();
+        if references.len() > copies.len() {
+            let corners = corners(triangle);
+            let mut sum = 0.0;
+            parts.push(sum);
+            parts.extend(references.iter().map(|&(_, step)| {
+                let step = &self.steps[step as usize];
+                sum += clipped_area(&corners, &step.min, &step.max);
+                sum
+            }));
+        }
+        Held { ranks: references.into_iter().map(|(rank, _)| rank).collect(), copies: copies.len(), parts }
+    }
+
+    /// `Σ C(n) · area((triangle \ Q(n)) ∩ n)` over all nodes, for all copies of the triangle, and how many boxes were looked at.
+    pub(super) fn overlap(&self, corners: &[[f64; 3]; 3], held: &Held) -> (f64, u64) {
         let hull = Hull::of(corners);
         let (mut sum, mut tests) = (0.0, 0);
         let mut at = 0;
         while let Some(step) = self.steps.get(at) {
             tests += 1;
-            let [first, end] = step.ranks.map(|rank| ranks.partition_point(|&copy| copy < rank));
-            let held = end - first;
-            if held < ranks.len() {
+            let [first, end] = step.ranks.map(|rank| held.ranks.partition_point(|&copy| copy < rank));
+            if end - first < held.ranks.len() {
                 let area = if hull.misses(step) { 0.0 } else { clipped_area(corners, &step.min, &step.max) };
-                // What holds a copy contains it whole.
-                if area <= 0.0 && held == 0 {
+                // What holds a copy contains it whole, or its piece.
+                if area <= 0.0 && end == first {
                     at = step.skip as usize;
                     continue;
                 }
-                sum += step.cost * area * (ranks.len() - held) as f64;
+                sum += step.cost * held.missed(area, first, end);
             }
             at += 1;
         }
         (sum, tests)
+    }
+}
+
+impl Held {
+    /// What of all copies lies in a node and is not held by it, where `area` of one lies in the node and it has the references from `first` to `end`.
+    fn missed(&self, area: f64, first: usize, end: usize) -> f64 {
+        if self.parts.is_empty() {
+            return area * (self.ranks.len() - (end - first)) as f64;
+        }
+        let missed = area * self.copies as f64 - (self.parts[end] - self.parts[first]);
+        // What is left where all that lies in the node is held.
+        const ROUNDING: f64 = 1e-9;
+        if missed > ROUNDING * self.parts[self.ranks.len()] { missed } else { 0.0 }
     }
 }
 
