@@ -320,81 +320,56 @@ kernels! {
 
     Trace32 trace_32(params: TraceParams) [
         0 nodes: &[TraceNode],
-        1 triangles: &[TraceTriangle],
-        2 rays: &[Ray],
-        3 hits: &[Slot<Hit>],
+        1 triangles: &[TraceTriangle], 2 rays: &[Ray], 3 hits: &[Slot<Hit>],
     ] => |i| trace(i, params, nodes, triangles, rays, hits, &mut LocalStack::<32>::new());
 
     Trace64 trace_64(params: TraceParams) [
         0 nodes: &[TraceNode],
-        1 triangles: &[TraceTriangle],
-        2 rays: &[Ray],
-        3 hits: &[Slot<Hit>],
+        1 triangles: &[TraceTriangle], 2 rays: &[Ray], 3 hits: &[Slot<Hit>],
     ] => |i| trace(i, params, nodes, triangles, rays, hits, &mut LocalStack::<64>::new());
 
     Trace128 trace_128(params: TraceParams) [
         0 nodes: &[TraceNode],
-        1 triangles: &[TraceTriangle],
-        2 rays: &[Ray],
-        3 hits: &[Slot<Hit>],
+        1 triangles: &[TraceTriangle], 2 rays: &[Ray], 3 hits: &[Slot<Hit>],
     ] => |i| trace(i, params, nodes, triangles, rays, hits, &mut LocalStack::<128>::new());
 
     TraceDeep trace_deep(params: TraceParams) [
         0 nodes: &[TraceNode],
-        1 triangles: &[TraceTriangle],
-        2 rays: &[Ray],
-        3 hits: &[Slot<Hit>],
-        4 words: &[Slot<u32>],
+        1 triangles: &[TraceTriangle], 2 rays: &[Ray], 3 hits: &[Slot<Hit>], 4 words: &[Slot<u32>],
     ] => |i| tracing::trace_deep(i, params, nodes, triangles, rays, hits, words);
 
     TraceBvh4 trace_bvh4(params: TraceParams) [
         0 nodes: &[Bvh4Node],
-        1 triangles: &[TraceTriangle],
-        2 rays: &[Ray],
-        3 hits: &[Slot<Hit>],
+        1 triangles: &[TraceTriangle], 2 rays: &[Ray], 3 hits: &[Slot<Hit>],
     ] => |i| trace(i, params, nodes, triangles, rays, hits, &mut LocalStack::<LOCAL_WORDS>::new());
 
     TraceBvh4Deep trace_bvh4_deep(params: TraceParams) [
         0 nodes: &[Bvh4Node],
-        1 triangles: &[TraceTriangle],
-        2 rays: &[Ray],
-        3 hits: &[Slot<Hit>],
-        4 words: &[Slot<u32>],
+        1 triangles: &[TraceTriangle], 2 rays: &[Ray], 3 hits: &[Slot<Hit>], 4 words: &[Slot<u32>],
     ] => |i| tracing::trace_deep(i, params, nodes, triangles, rays, hits, words);
 
     TraceBvh8 trace_bvh8(params: TraceParams) [
         0 nodes: &[Bvh8Node],
-        1 triangles: &[TraceTriangle],
-        2 rays: &[Ray],
-        3 hits: &[Slot<Hit>],
+        1 triangles: &[TraceTriangle], 2 rays: &[Ray], 3 hits: &[Slot<Hit>],
     ] => |i| trace(i, params, nodes, triangles, rays, hits, &mut LocalStack::<LOCAL_WORDS>::new());
 
     TraceBvh8Deep trace_bvh8_deep(params: TraceParams) [
         0 nodes: &[Bvh8Node],
-        1 triangles: &[TraceTriangle],
-        2 rays: &[Ray],
-        3 hits: &[Slot<Hit>],
-        4 words: &[Slot<u32>],
+        1 triangles: &[TraceTriangle], 2 rays: &[Ray], 3 hits: &[Slot<Hit>], 4 words: &[Slot<u32>],
     ] => |i| tracing::trace_deep(i, params, nodes, triangles, rays, hits, words);
 
     TraceCwbvh trace_cwbvh(params: TraceParams) [
         0 nodes: &[CwbvhNode],
-        1 triangles: &[TraceTriangle],
-        2 rays: &[Ray],
-        3 hits: &[Slot<Hit>],
+        1 triangles: &[TraceTriangle], 2 rays: &[Ray], 3 hits: &[Slot<Hit>],
     ] => |i| trace(i, params, nodes, triangles, rays, hits, &mut LocalStack::<LOCAL_WORDS>::new());
 
     TraceCwbvhDeep trace_cwbvh_deep(params: TraceParams) [
         0 nodes: &[CwbvhNode],
-        1 triangles: &[TraceTriangle],
-        2 rays: &[Ray],
-        3 hits: &[Slot<Hit>],
-        4 words: &[Slot<u32>],
+        1 triangles: &[TraceTriangle], 2 rays: &[Ray], 3 hits: &[Slot<Hit>], 4 words: &[Slot<u32>],
     ] => |i| tracing::trace_deep(i, params, nodes, triangles, rays, hits, words);
 
     CountRays trace_count(params: CountParams) [
-        0 rays: &[Ray],
-        1 hits: &[Hit],
+        0 rays: &[Ray], 1 hits: &[Hit],
         2 counts: &[Slot<RayCounts>],
     ] => |i| counts::count_rays(i, params, rays, hits, counts);
 

@@ -146,7 +146,11 @@ fn pieces_cover_their_triangles_and_a_planted_hole_is_found() {
             assert!(*lost == 0 || found.is_some(), "{form}: {lost} samples are in no leaf");
         }
         let found = faults.iter().filter(|(_, found)| found.is_some()).count();
-        assert!(found >= 10 && faults.iter().any(|(lost, _)| *lost > 0), "{form}: {found} holes of {}", faults.len());
+        assert!(
+            found >= faults.len().clamp(1, 10) && faults.iter().any(|(lost, _)| *lost > 0),
+            "{form}: {found} holes of {}",
+            faults.len()
+        );
     }
 }
 

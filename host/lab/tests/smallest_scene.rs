@@ -4,7 +4,8 @@ use prbvh::build::{DeviceTree, MortonBits};
 use prbvh::bvh::{Bvh, BvhNode, Content, NO_NODE, tree_hash};
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{self, Command, Device, DeviceError, DeviceInfo, DeviceKind, Recording, Timing};
-use prbvh::pipeline::optimize;
+use prbvh::pipeline::{Settings, optimize};
+use prbvh::presplit::PresplitSettings;
 use prbvh::scene::Scene;
 use prbvh::trace::{NO_TRIANGLE, Query, Ray, TraceScene, trace};
 use prbvh::wide::{Layout, PackedTree, WideSettings, Width, collapse};
@@ -135,6 +136,14 @@ fn trees(device: &mut Noting) -> BTreeMap<String, String> {
                 break;
             }
         }
+    }
+    if !cfg!(miri) || (device.order == Order::Ascending && device.info.atomics_64) {
+        let large = Triangle { a: [0.0, -100.0, 0.0], b: [100.0, 0.0, 50.0], c: [100.0, -100.0, 0.0] };
+        let scene = Scene::from_triangles("a large one", [&scene.triangles[..], &[large]].concat()).unwrap();
+        let settings = Settings::default().with(|s| s.presplit = Some(PresplitSettings::default()));
+        let made = optimize(&scene, device, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
+        assert!(made.splits.is_some_and(|splits| splits.built > 8));
+        hashes.insert("a large one, presplit".to_owned(), tree_hash(&made.tree));
     }
     hashes
 }

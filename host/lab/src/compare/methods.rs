@@ -1,24 +1,17 @@
 //! The methods by name: whoever adds one adds a row here.
 
-use super::MethodError;
+use super::on_host::{HostBuilder, builder, named, rbvh_as_published, rbvh_with_undo};
 use super::peers;
 use crate::presets::{self, Candidate};
-use prbvh::build;
-use prbvh::build::{Bins, DEFAULT_HPLOC_RADIUS, DEFAULT_RADIUS, MortonBits};
+use prbvh::build::{self, Bins, DEFAULT_HPLOC_RADIUS, DEFAULT_RADIUS};
 #[cfg(feature = "atrbvh")]
 use prbvh::build::{DEFAULT_PASSES, TreeletSize};
-use prbvh::device::DeviceError;
-use prbvh::device::cpu::CpuDevice;
-use prbvh::optimize::{self, IterationRow, Order, RbvhSettings, RotationSettings, StopReason};
-use prbvh::pipeline::{Initial, Optimizer, PipelineError, Settings, build_on_host};
+use prbvh::optimize::{Order, RotationSettings};
+use prbvh::pipeline::{Initial, Optimizer, Settings};
 use prbvh::presplit::PresplitSettings;
 use prbvh::stop::Stop;
 use prbvh::wide::{Layout, WideSettings, Width};
-use prbvh_kernel::node::Node;
-use prbvh_kernel::setup::Triangle;
 use std::num::NonZeroU32;
-use std::ops::ControlFlow;
-use std::time::Instant;
 
 /// A row of the table for each device, or one for what runs on none.
 #[derive(Clone, Debug)]
@@ -45,18 +38,6 @@ pub(super) enum Builder {
     },
     /// Another library, by the name that [`peers`] knows.
     Peer(&'static str),
-}
-
-/// Builds on the host. What takes long looks whether it is to end.
-pub(super) type HostBuilder = fn(&[Triangle], &Stop) -> Result<HostBuilt, MethodError>;
-
-/// What a builder on the host made.
-#[derive(Clone, Debug)]
-pub(super) struct HostBuilt {
-    /// The tree, one triangle per leaf.
-    pub(super) nodes: Vec<Node>,
-    /// An optimiser's iterations and the wall time of the tree that it started from; none for a builder.
-    pub(super) optimizer: Option<(f64, Vec<IterationRow>)>,
 }
 
 /// Settings of the methods.
@@ -312,41 +293,8 @@ fn host(method: &str, build: HostBuilder) -> Job {
     Job { method: method.to_owned(), mu: None, builder }
 }
 
-fn builder(nodes: Vec<Node>) -> Result<HostBuilt, MethodError> {
-    Ok(HostBuilt { nodes, optimizer: None })
-}
-
-fn named(name: &str, triangles: &[Triangle], stop: &Stop) -> Result<HostBuilt, MethodError> {
-    let initial = Initial::of_name(name).expect("a name of a row").expect("parameters of a row");
-    let nodes = build_on_host(&initial, triangles, Some(stop)).map_err(PipelineError::from)?;
-    builder(nodes.ok_or(DeviceError::Stopped)?)
-}
-
 fn rbvh(method: &str, build: HostBuilder) -> Job {
     Job { method: method.to_owned(), mu: None, builder: Builder::Host { threads: Some(1), build } }
-}
-
-fn rbvh_as_published(triangles: &[Triangle], stop: &Stop) -> Result<HostBuilt, MethodError> {
-    run_rbvh(triangles, RbvhSettings::default().with(|s| s.undo = false), stop)
-}
-
-fn rbvh_with_undo(triangles: &[Triangle], stop: &Stop) -> Result<HostBuilt, MethodError> {
-    run_rbvh(triangles, RbvhSettings::default(), stop)
-}
-
-/// RBVH from LBVH, all on one thread.
-fn run_rbvh(triangles: &[Triangle], mut settings: RbvhSettings, stop: &Stop) -> Result<HostBuilt, MethodError> {
-    settings.limits.stop = Some(stop.clone());
-    let start = Instant::now();
-    let mut device = CpuDevice::new(1)?;
-    let (tree, _) = build::lbvh(&mut device, triangles, MortonBits::default())?;
-    let mut nodes = tree.download(&mut device)?;
-    let build_s = start.elapsed().as_secs_f64();
-    let outcome = optimize::rbvh(&mut nodes, &settings, &mut |_, _| ControlFlow::Continue(()))?;
-    if outcome.stop == StopReason::Cancelled {
-        return Err(DeviceError::Stopped.into());
-    }
-    Ok(HostBuilt { nodes, optimizer: Some((build_s, outcome.rows)) })
 }
 
 fn peer(peer: &'static peers::Peer) -> Job {

@@ -10,6 +10,7 @@ mod fitted;
 mod measure;
 mod median;
 mod methods;
+mod on_host;
 pub mod peers;
 mod rays;
 mod run;

@@ -2,6 +2,7 @@
 
 use super::quantize::Axis;
 use super::{SLOTS, WideChild, WideContent, WideFault, WideNode};
+use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::trace::LEAF;
 use prbvh_kernel::trace::wide::CwbvhNode;
 
@@ -100,7 +101,12 @@ fn one(v: u32, packed: &CwbvhNode, faults: &mut Vec<WideFault>) -> WideNode {
             }
             WideContent::Leaf { first: packed.child(slot) & !LEAF, count: unary.count_ones() }
         };
-        node.slots[slot as usize] = Some(WideChild { aabb: packed.aabb(slot), content });
+        node.slots[slot as usize] = Some(WideChild { aabb: finite(packed.aabb(slot)), content });
     }
     node
+}
+
+/// A step beyond the largest number holds all that the largest number does.
+fn finite(Aabb { min, max }: Aabb) -> Aabb {
+    Aabb { min: min.map(|x| x.max(f32::MIN)), max: max.map(|x| x.min(f32::MAX)) }
 }

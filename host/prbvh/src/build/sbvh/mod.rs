@@ -177,16 +177,21 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn a_slanted_pair_is_cut() {
-        // Two long diagonals that cross: no object split parts them.
-        let long = |from: [f32; 3], to: [f32; 3]| Triangle { a: from, b: to, c: [to[0], to[1], to[2] + 0.1] };
-        let triangles = [long([0.0, 0.0, 0.0], [10.0, 10.0, 0.0]), long([0.0, 10.0, 0.0], [10.0, 0.0, 0.0])];
+    fn a_long_triangle_between_small_ones_is_cut() {
+        // The diagonal of a square with small ones at both of its ends: with it on either side, an object split leaves a box of the whole square.
+        let small = |k: u32| {
+            let at = if k.is_multiple_of(2) { 0.0 } else { 9.0 } + 0.1 * k as f32;
+            Triangle { a: [at, at, 0.0], b: [at + 0.1, at, 0.0], c: [at, at + 0.1, 0.1] }
+        };
+        let long = Triangle { a: [0.0; 3], b: [10.0, 10.0, 0.0], c: [10.0, 10.0, 0.1] };
+        let triangles: Vec<Triangle> = (0..10).map(small).chain([long]).collect();
         let settings = SbvhSettings { budget: 16.0, ..SbvhSettings::default() };
         let tree = sbvh(&triangles, &settings, None).unwrap();
         validate_tree(&tree, &triangles).unwrap();
-        assert!(tree.references() > 8, "{}", tree.references());
+        let of_long = tree.triangle_order.iter().filter(|&&triangle| triangle == 10).count();
+        assert!(of_long > 1 && tree.references() == 10 + of_long, "{of_long} of {}", tree.references());
         let none = SbvhSettings { budget: 0.0, ..settings };
-        assert_eq!(sbvh(&triangles, &none, None).unwrap().references(), 2);
+        assert_eq!(sbvh(&triangles, &none, None).unwrap().references(), 11);
     }
 
     proptest! {

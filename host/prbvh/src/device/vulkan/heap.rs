@@ -1,13 +1,12 @@
 //! Parts of large blocks of memory, which stay while the device is open: to allocate from a driver takes longer than most dispatches.
 
 use super::limits::PhysicalDevice;
-use super::logical::LogicalDevice;
 use crate::device::DeviceError;
 use ash::vk;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings, MemoryLocation};
 use std::ptr::NonNull;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 const MIB: u64 = 1 << 20;
 
@@ -41,22 +40,12 @@ impl Heap {
     /// Bytes of all blocks.
     #[cfg(test)]
     pub(super) fn bytes(&self) -> u64 {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).capacity()
+        self.lock().capacity()
     }
-}
 
-/// A part of a block.
-pub(super) struct Memory {
-    /// There until it is dropped.
-    part: Option<Allocation>,
-    device: Arc<LogicalDevice>,
-}
-
-impl Memory {
-    /// Memory that fits `requirements`; `None` if there is none.
-    pub(super) fn new(device: &Arc<LogicalDevice>, what: &str, requirements: vk::MemoryRequirements) -> Option<Self> {
-        let mut allocator = device.heap().0.lock().unwrap_or_else(PoisonError::into_inner);
-        let part = allocator.allocate(&AllocationCreateDesc {
+    /// A part of a block that fits `requirements`; `None` if there is none.
+    pub(super) fn allocate(&self, what: &str, requirements: vk::MemoryRequirements) -> Option<Part> {
+        let part = self.lock().allocate(&AllocationCreateDesc {
             name: what,
             requirements,
             // The requirements name one type.
@@ -64,31 +53,33 @@ impl Memory {
             linear: true,
             allocation_scheme: AllocationScheme::GpuAllocatorManaged,
         });
-        let part = part.inspect_err(|error| tracing::debug!("no memory for {what}: {error}")).ok()?;
-        Some(Self { part: Some(part), device: Arc::clone(device) })
+        part.inspect_err(|error| tracing::debug!("no memory for {what}: {error}")).ok().map(Part)
     }
 
-    /// The block, and from which byte on; valid as long as `self` lives.
-    pub(super) fn place(&self) -> (vk::DeviceMemory, u64) {
-        // SAFETY: the block is neither freed nor mapped through this handle.
-        self.part.as_ref().map_or((vk::DeviceMemory::null(), 0), |part| (unsafe { part.memory() }, part.offset()))
+    /// Takes a part back.
+    pub(super) fn free(&self, part: Part) {
+        if let Err(error) = self.lock().free(part.0) {
+            tracing::debug!("memory was not given back: {error}");
+        }
     }
 
-    /// Where the host reaches it, if it does; valid as long as `self` lives.
-    pub(super) fn mapping(&self) -> Option<NonNull<u8>> {
-        Some(self.part.as_ref()?.mapped_ptr()?.cast())
+    fn lock(&self) -> MutexGuard<'_, Allocator> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Drop for Memory {
-    fn drop(&mut self) {
-        if let Some(part) = self.part.take()
-            && !self.device.is_abandoned()
-        {
-            let freed = self.device.heap().0.lock().unwrap_or_else(PoisonError::into_inner).free(part);
-            if let Err(error) = freed {
-                tracing::debug!("memory was not given back: {error}");
-            }
-        }
+/// A part of a block, until [`Heap::free`].
+pub(super) struct Part(Allocation);
+
+impl Part {
+    /// The block, and from which byte on.
+    pub(super) fn place(&self) -> (vk::DeviceMemory, u64) {
+        // SAFETY: the block is neither freed nor mapped through this handle.
+        (unsafe { self.0.memory() }, self.0.offset())
+    }
+
+    /// Where the host reaches it, if it does.
+    pub(super) fn mapping(&self) -> Option<NonNull<u8>> {
+        Some(self.0.mapped_ptr()?.cast())
     }
 }

@@ -1,11 +1,12 @@
 //! Buffers and the memory behind them.
 
 use super::error::Call;
-use super::heap::Memory;
+use super::heap::Part;
 use super::logical::LogicalDevice;
 use super::objects;
 use crate::device::DeviceError;
 use ash::vk;
+use std::mem::ManuallyDrop;
 use std::ptr::NonNull;
 use std::sync::Arc;
 
@@ -75,6 +76,32 @@ pub(super) struct Allocation {
     bytes: u64,
 }
 
+/// A part of the device's memory that goes back to it.
+struct Memory {
+    /// There until it is dropped.
+    part: ManuallyDrop<Part>,
+    device: Arc<LogicalDevice>,
+}
+
+impl Memory {
+    fn new(device: &Arc<LogicalDevice>, what: &str, requirements: vk::MemoryRequirements) -> Option<Self> {
+        let part = ManuallyDrop::new(device.heap().allocate(what, requirements)?);
+        Some(Self { part, device: Arc::clone(device) })
+    }
+
+    fn part(&self) -> &Part {
+        &self.part
+    }
+}
+
+impl Drop for Memory {
+    fn drop(&mut self) {
+        // SAFETY: taken once, here.
+        let part = unsafe { ManuallyDrop::take(&mut self.part) };
+        self.device.release(|_| self.device.heap().free(part));
+    }
+}
+
 /// Whose buffer it is.
 enum Handle {
     Own(objects::Buffer),
@@ -130,12 +157,12 @@ impl Allocation {
             .ok_or_else(|| no_memory(device, what, bytes))?;
         let requirements = vk::MemoryRequirements { memory_type_bits: 1 << index, ..requirements };
         let memory = Memory::new(device, what, requirements).ok_or_else(|| no_memory(device, what, bytes))?;
-        let (place, offset) = memory.place();
+        let (place, offset) = memory.part().place();
         // SAFETY: both are new, and so much of the memory belongs to the buffer as it demands.
         unsafe { device.raw().bind_buffer_memory(buffer.raw(), place, offset) }
             .call("vkBindBufferMemory")
             .map_err(out_of_memory)?;
-        let mapping = if purpose.is_mapped(properties) { memory.mapping() } else { None };
+        let mapping = if purpose.is_mapped(properties) { memory.part().mapping() } else { None };
         Ok(Self { buffer: Handle::Own(buffer), mapping, _memory: Some(memory), bytes })
     }
 
