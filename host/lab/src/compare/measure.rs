@@ -1,6 +1,7 @@
 //! One method on one scene: the tree, measured.
 
-use super::methods::{Builder, HostBuilder, Job};
+use super::methods::{Builder, Job};
+use super::on_host::HostBuilder;
 use super::peers::{self, PeerError, PeerHost};
 use super::{MethodError, OptimizerRun, Purpose};
 use crate::phases::PhaseTimes;

@@ -9,7 +9,6 @@ use prbvh::build::{DEFAULT_PASSES, TreeletSize};
 use prbvh::optimize::{Order, RotationSettings};
 use prbvh::pipeline::{Initial, Optimizer, Settings};
 use prbvh::presplit::PresplitSettings;
-use prbvh::stop::Stop;
 use prbvh::wide::{Layout, WideSettings, Width};
 use std::num::NonZeroU32;
 
@@ -352,6 +351,7 @@ pub fn jobs(names: &[String], settings: &MethodSettings) -> Result<Vec<Job>, NoS
 #[cfg(test)]
 mod tests {
     use super::*;
+    use prbvh::stop::Stop;
 
     fn methods(names: &[&str]) -> Result<Vec<(String, Option<u32>)>, NoSuchMethod> {
         let names: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
