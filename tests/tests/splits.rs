@@ -60,6 +60,13 @@ fn a_tree_with_splits_goes_all_the_way() {
             std::fs::read(folder.path().join(format!("{out}.png"))).unwrap()
         };
         assert!(picture("") == picture(&format!(" --tree {out}/tree.bvh")), "{asked}: another picture");
+        for layout in ["soa", "cwbvh"] {
+            let wide = format!("{asked} --width 8 --layout {layout} --device cpu --out {out}-{layout}");
+            let _ = prbvh(folder.path(), &format!("optimize walls.obj {wide}")).ok();
+            let tree = format!("{out}-{layout}/wide.bvh");
+            let _ = prbvh(folder.path(), &format!("stats {tree} --scene walls.obj")).ok();
+            assert!(picture("") == picture(&format!(" --tree {tree}")), "{wide}: another picture");
+        }
         prbvh(folder.path(), &format!("optimize walls.obj --initial {out}/tree.bvh --device cpu"))
             .refused(&["tree with splits"]);
     }

@@ -114,7 +114,9 @@ fn of_wide(args: &StatsArgs, packed: &PackedTree, scene_hash: &str, scene: Optio
     let (width, layout) = (packed.nodes.width(), packed.nodes.layout());
     let model = width.sah();
     // Costs are those of the boxes around the triangles where these are there, so that layouts compare.
-    let exact = scene.map(|scene| tree.clone().with_boxes_of(&scene.triangles));
+    // Pieces have boxes of their own.
+    let whole = scene.filter(|scene| scene.triangles.len() == tree.triangle_order.len());
+    let exact = whole.map(|scene| tree.clone().with_boxes_of(&scene.triangles));
     let quality = wide::quality(exact.as_ref().unwrap_or(&tree), &model);
     let packed_cost = wide::quality(&tree, &model).sah_cost;
     let (bytes, hash) = (packed.bytes_per_triangle(), packed.hash());

@@ -87,7 +87,7 @@ impl TraceScene {
         starts: &[[f32; 3]],
     ) -> Result<Self, TraceError> {
         let (range, working) = working(device, triangles, starts);
-        let WideArrays { tree, triangles, levels } = on_host(device, || WideArrays::new(tree, &working))?;
+        let WideArrays { tree, triangles, levels } = on_host(device, || WideArrays::new(tree, &working, &range))?;
         let form = Form::Wide(tree.nodes.width(), tree.nodes.layout());
         let nodes = (tree.nodes.bytes(), tree.nodes.node_bytes());
         Ok(Self::upload(device, &Arrays { form, nodes, triangles: &triangles, root: 0, depth: levels }, range)?)

@@ -13,6 +13,9 @@ use std::path::Path;
 /// Number of this version.
 pub const VERSION: u32 = 2;
 
+/// Added to the number of a layout where a triangle is in several leaves.
+const SPLITS: u32 = 256;
+
 /// What a file holds.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -26,14 +29,13 @@ pub struct WideFile {
 /// Writes a tree under a temporary name, syncs it and renames it: the file is whole or not there.
 ///
 /// # Errors
-/// If the tree is none with each triangle once, if `scene_hash` is not 32 hexadecimal digits, or if the file cannot be written.
+/// If the tree is none, if a triangle below the last one is in no leaf, if `scene_hash` is not 32 hexadecimal digits, or if the file cannot be written.
 pub fn write(path: &Path, tree: &PackedTree, scene_hash: &str) -> Result<(), TreeFileError> {
-    if let Err(faults) = checked(tree) {
-        return Err(TreeFileError::BrokenTree { path: path.to_owned(), faults });
-    }
+    let has_splits = checked(tree).map_err(|faults| TreeFileError::BrokenTree { path: path.to_owned(), faults })?;
     let hash = envelope::parse_hash(scene_hash)
         .ok_or_else(|| TreeFileError::SceneHash { path: path.to_owned(), hash: scene_hash.to_owned() })?;
-    let counts = [tree.order.len() as u32, tree.nodes.len() as u32, code(&tree.nodes)];
+    let layout = code(&tree.nodes) | if has_splits { SPLITS } else { 0 };
+    let counts = [tree.order.len() as u32, tree.nodes.len() as u32, layout];
     let header = envelope::header(VERSION, counts, hash);
     let mut checksum = blake3::Hasher::new();
     write_atomically(path, |out| {
@@ -64,12 +66,16 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<WideFile, TreeFileError> {
         need,
     };
     let header = envelope::Header::of(path, bytes, VERSION, HEADER_BYTES + 80 + 4 + CHECKSUM_BYTES)?;
-    let [triangles, nodes, code] = header.counts;
+    let [triangles, nodes, layout] = header.counts;
+    let code = layout & !SPLITS;
     let node_bytes = match code {
         1 => 128,
         2 => 256,
         3 => 80,
-        _ => return Err(malformed(20, "the layout", code.to_string(), "1, 2 or 3".to_owned())),
+        _ => {
+            let need = "1, 2 or 3, and 256 more with splits".to_owned();
+            return Err(malformed(20, "the layout", layout.to_string(), need));
+        }
     };
     if triangles == 0 {
         return Err(malformed(12, "the number of triangles", "0".to_owned(), "at least 1".to_owned()));
@@ -86,23 +92,35 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<WideFile, TreeFileError> {
     };
     let tree = PackedTree { nodes, order: elements(order) };
     match checked(&tree) {
-        Ok(()) => Ok(WideFile { tree, scene_hash: header.scene_hash }),
+        Ok(has_splits) if has_splits == (layout & SPLITS != 0) => Ok(WideFile { tree, scene_hash: header.scene_hash }),
+        Ok(true) => {
+            Err(malformed(20, "the layout", layout.to_string(), "256 more: a triangle is there twice".to_owned()))
+        }
+        Ok(false) => {
+            Err(malformed(20, "the layout", layout.to_string(), "256 less: no triangle is there twice".to_owned()))
+        }
         Err(faults) => Err(malformed(HEADER_BYTES, "the tree", format!("broken ({faults})"), "a tree".to_owned())),
     }
 }
 
-/// Whether it is a tree with each triangle once.
-fn checked(tree: &PackedTree) -> Result<(), String> {
+/// Whether a triangle of the tree is in several leaves.
+///
+/// # Errors
+/// If it is no tree, or one of the triangles before the last is in no leaf.
+fn checked(tree: &PackedTree) -> Result<bool, String> {
     tree.unpack().map_err(|faults| summary(&faults))?;
     let mut seen = vec![false; tree.order.len()];
     for (position, &id) in tree.order.iter().enumerate() {
         match seen.get_mut(id as usize) {
             None => return Err(format!("position {position}: triangle {id} is not among the {}", tree.order.len())),
-            Some(true) => return Err(format!("position {position}: triangle {id} is there twice")),
             Some(seen) => *seen = true,
         }
     }
-    Ok(())
+    let triangles = seen.iter().rposition(|&seen| seen).map_or(0, |last| last + 1);
+    match seen[..triangles].iter().position(|&seen| !seen) {
+        Some(missing) => Err(format!("triangle {missing} is in no leaf")),
+        None => Ok(triangles < tree.order.len()),
+    }
 }
 
 /// The number of a layout in a file.
@@ -156,11 +174,31 @@ mod tests {
         let path = folder.path().join("wide.bvh");
         let mut tree = packed(20, Width::Eight, Layout::Cwbvh);
         assert!(matches!(write(&path, &tree, "00"), Err(TreeFileError::SceneHash { .. })));
-        tree.order[3] = tree.order[4];
-        assert!(matches!(write(&path, &tree, HASH), Err(TreeFileError::BrokenTree { .. })));
+        let second = tree.order.iter().position(|&id| id == 1).unwrap();
+        tree.order[second] = 0;
+        assert!(matches!(write(&path, &tree, HASH), Err(TreeFileError::BrokenTree { .. })), "triangle 1 is nowhere");
         tree.order.pop();
         assert!(matches!(write(&path, &tree, HASH), Err(TreeFileError::BrokenTree { .. })));
         assert!(!path.exists());
+    }
+
+    #[test]
+    fn a_triangle_may_be_in_several_leaves() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("wide.bvh");
+        let mut tree = packed(20, Width::Eight, Layout::Cwbvh);
+        let last = tree.order.iter().position(|&id| id == 19).unwrap();
+        tree.order[last] = 0;
+        write(&path, &tree, HASH).unwrap();
+        assert_eq!(read(&path).unwrap().tree, tree);
+        let mut bytes = std::fs::read(&path).unwrap();
+        assert_eq!(bytes[20..24], [3, 1, 0, 0]);
+        bytes[21] = 0;
+        let end = bytes.len() - CHECKSUM_BYTES;
+        let checksum = blake3::hash(&bytes[..end]);
+        bytes[end..].copy_from_slice(&checksum.as_bytes()[..CHECKSUM_BYTES]);
+        let error = decode(&path, &bytes).unwrap_err().to_string();
+        assert!(error.contains("the layout is 3, but must be 256 more: a triangle is there twice"), "{error}");
     }
 
     #[test]
