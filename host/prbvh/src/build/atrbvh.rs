@@ -1,7 +1,7 @@
 //! ATRBVH: passes of treelet restructuring by agglomerative clustering (Domingues & Pedrini 2015).
 
-use super::treelets::{Pass, Restructured, Way, restructure_by};
-use super::{Codes, DeviceTree, TreeletSize, UnfitTree, lbvh};
+use super::treelets::{Pass, Restructured, Way, lbvh_by, restructure_by};
+use super::{Codes, DeviceTree, TreeletSize, UnfitTree};
 use crate::device::{Device, DeviceError, Timing};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::setup::Triangle;
@@ -18,17 +18,7 @@ pub fn atrbvh<'a>(
     codes: impl Into<Codes>,
     treelet: TreeletSize,
 ) -> Result<(DeviceTree, Vec<Timing>, Vec<Pass>), DeviceError> {
-    let (tree, mut timings) = lbvh(device, triangles, codes)?;
-    match restructure_unchecked(device, &tree, treelet, &mut |_, _| {}) {
-        Ok(restructured) => {
-            timings.extend(restructured.timings);
-            Ok((tree, timings, restructured.passes))
-        }
-        Err(error) => {
-            tree.free(device);
-            Err(error)
-        }
-    }
+    lbvh_by(device, triangles, codes, way(treelet))
 }
 
 /// Restructures a tree in place, whose boxes are right (refitted). Its root, its leaves and what it is a tree over stay; its SAH cost
@@ -58,6 +48,9 @@ pub fn restructure_unchecked(
     treelet: TreeletSize,
     observe: &mut dyn FnMut(&Pass, &mut dyn Device),
 ) -> Result<Restructured, DeviceError> {
-    let way = Way { name: "ATRBVH", kernel: Kernel::AtrbvhRestructure, treelet: treelet.get(), most_passes: u32::MAX };
-    restructure_by(device, tree, way, observe)
+    restructure_by(device, tree, way(treelet), observe)
+}
+
+fn way(treelet: TreeletSize) -> Way {
+    Way { name: "ATRBVH", kernel: Kernel::AtrbvhRestructure, treelet: treelet.get(), most_passes: u32::MAX }
 }

@@ -1,7 +1,7 @@
 //! TRBVH: passes of treelet restructuring, each treelet the best of all over its leaves (Karras & Aila 2013).
 
-use super::treelets::{Pass, Restructured, Way, restructure_by};
-use super::{Codes, DeviceTree, UnfitTree, lbvh};
+use super::treelets::{Pass, Restructured, Way, lbvh_by, restructure_by};
+use super::{Codes, DeviceTree, UnfitTree};
 use crate::device::{Device, DeviceError, Timing};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::atrbvh::OPTIMAL_TREELET;
@@ -20,17 +20,7 @@ pub fn trbvh<'a>(
     codes: impl Into<Codes>,
     passes: NonZeroU32,
 ) -> Result<(DeviceTree, Vec<Timing>, Vec<Pass>), DeviceError> {
-    let (tree, mut timings) = lbvh(device, triangles, codes)?;
-    match restructure_optimally_unchecked(device, &tree, passes, &mut |_, _| {}) {
-        Ok(restructured) => {
-            timings.extend(restructured.timings);
-            Ok((tree, timings, restructured.passes))
-        }
-        Err(error) => {
-            tree.free(device);
-            Err(error)
-        }
-    }
+    lbvh_by(device, triangles, codes, way(passes))
 }
 
 /// Restructures a tree in place, whose boxes are right (refitted). Its root, its leaves and what it is a tree over stay; its SAH cost
@@ -59,7 +49,9 @@ pub fn restructure_optimally_unchecked(
     passes: NonZeroU32,
     observe: &mut dyn FnMut(&Pass, &mut dyn Device),
 ) -> Result<Restructured, DeviceError> {
-    let way =
-        Way { name: "TRBVH", kernel: Kernel::TrbvhRestructure, treelet: OPTIMAL_TREELET, most_passes: passes.get() };
-    restructure_by(device, tree, way, observe)
+    restructure_by(device, tree, way(passes), observe)
+}
+
+fn way(passes: NonZeroU32) -> Way {
+    Way { name: "TRBVH", kernel: Kernel::TrbvhRestructure, treelet: OPTIMAL_TREELET, most_passes: passes.get() }
 }

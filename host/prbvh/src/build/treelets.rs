@@ -1,11 +1,13 @@
 //! Passes over the treelets of a tree: which they are, and a dispatch for each level of them. What becomes of a treelet is a kernel's.
 
 use super::sort::Sorter;
-use super::{DeviceTree, Scratch};
+use super::{Codes, DeviceTree, Scratch, lbvh};
 use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::atrbvh::{LevelsParams, RestructureParams};
+use prbvh_kernel::setup::Triangle;
 use prbvh_kernel::status::{APPLIED, FAULTS, REPORT_WORDS};
+use std::borrow::Cow;
 
 /// What a pass over the tree did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,6 +50,26 @@ pub(super) struct Way {
     pub(super) treelet: u32,
     /// Most passes.
     pub(super) most_passes: u32,
+}
+
+/// An LBVH that is restructured, with the times of its stages and the passes.
+pub(super) fn lbvh_by<'a>(
+    device: &mut dyn Device,
+    triangles: impl Into<Cow<'a, [Triangle]>>,
+    codes: impl Into<Codes>,
+    way: Way,
+) -> Result<(DeviceTree, Vec<Timing>, Vec<Pass>), DeviceError> {
+    let (tree, mut timings) = lbvh(device, triangles, codes)?;
+    match restructure_by(device, &tree, way, &mut |_, _| {}) {
+        Ok(restructured) => {
+            timings.extend(restructured.timings);
+            Ok((tree, timings, restructured.passes))
+        }
+        Err(error) => {
+            tree.free(device);
+            Err(error)
+        }
+    }
 }
 
 /// Restructures a tree in place: passes of which the first takes treelets below every node of at least as many references as a treelet has leaves, and
