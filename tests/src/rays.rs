@@ -1,7 +1,8 @@
 //! Rays that find the weak spots of a ray tracer.
 
 use crate::fixtures::Random;
-use prbvh_kernel::ray::Ray;
+use prbvh::trace::{Hit, NO_TRIANGLE, Ray, TraceRange};
+use prbvh_kernel::ray::Prepared;
 use prbvh_kernel::setup::Triangle;
 
 /// All origins lie in the box of these.
@@ -40,4 +41,28 @@ pub fn rays(triangles: &[Triangle], count: usize, seed: u64) -> Vec<Ray> {
     rays.retain(|ray| ray.direction != [0.0; 3]);
     rays.truncate(count);
     rays
+}
+
+/// Parameter and triangle of the closest hit, from all triangles one by one; the rays start between [`STARTS`].
+///
+/// # Panics
+/// If a ray is none.
+#[must_use]
+pub fn brute_force(triangles: &[Triangle], rays: &[Ray]) -> Vec<(f32, u32)> {
+    let range = TraceRange::of(triangles, &STARTS);
+    let working = range.triangles(triangles);
+    let closest = |(k, ray): (usize, &Ray)| {
+        let ray = range.ray(k, ray).unwrap();
+        let prepared = Prepared::new(&ray);
+        let hit = |(id, t): (u32, &Triangle)| (prepared.hits([t.a, t.b, t.c], ray.t_max), id);
+        let best = (0..).zip(&working).map(hit).min_by(|a, b| a.partial_cmp(b).unwrap()).unwrap();
+        if best.0 < f32::INFINITY { (range.to_scene(best.0), best.1) } else { (0.0, NO_TRIANGLE) }
+    };
+    rays.iter().enumerate().map(closest).collect()
+}
+
+/// Parameters and triangles of hits.
+#[must_use]
+pub fn answers(hits: &[Hit]) -> Vec<(f32, u32)> {
+    hits.iter().map(|hit| (hit.t, hit.triangle)).collect()
 }

@@ -7,34 +7,15 @@ use prbvh::device::Device;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::optimize::{Limits, PrbvhSettings, prbvh};
 use prbvh::scene::{SafeRange, built_in};
-use prbvh::trace::{Hit, NO_TRIANGLE, Query, Ray, SOME_TRIANGLE, TraceError, TraceRange, TraceScene, trace};
+use prbvh::trace::{Hit, NO_TRIANGLE, Query, Ray, SOME_TRIANGLE, TraceError, TraceScene, trace};
 use prbvh_kernel::aabb::Aabb;
-use prbvh_kernel::ray::Prepared;
 use prbvh_kernel::setup::Triangle;
 use prbvh_kernel::trace::TraceNode;
 use prbvh_tests::devices::with_devices;
 use prbvh_tests::fixtures::{Random, soup};
 use prbvh_tests::oracle::random_tree;
-use prbvh_tests::rays::{STARTS, ray, rays};
+use prbvh_tests::rays::{STARTS, answers, brute_force, ray, rays};
 use std::ops::ControlFlow;
-
-/// Parameter and triangle of the closest hit, from all triangles one by one.
-fn brute_force(triangles: &[Triangle], rays: &[Ray]) -> Vec<(f32, u32)> {
-    let range = TraceRange::of(triangles, &STARTS);
-    let working = range.triangles(triangles);
-    let closest = |(k, ray): (usize, &Ray)| {
-        let ray = range.ray(k, ray).unwrap();
-        let prepared = Prepared::new(&ray);
-        let hit = |(id, t): (u32, &Triangle)| (prepared.hits([t.a, t.b, t.c], ray.t_max), id);
-        let best = (0..).zip(&working).map(hit).min_by(|a, b| a.partial_cmp(b).unwrap()).unwrap();
-        if best.0 < f32::INFINITY { (range.to_scene(best.0), best.1) } else { (0.0, NO_TRIANGLE) }
-    };
-    rays.iter().enumerate().map(closest).collect()
-}
-
-fn answers(hits: &[Hit]) -> Vec<(f32, u32)> {
-    hits.iter().map(|hit| (hit.t, hit.triangle)).collect()
-}
 
 /// Trees of one scene by name, from bad to good.
 fn trees(triangles: &[Triangle]) -> Vec<(&'static str, Bvh)> {
