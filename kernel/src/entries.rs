@@ -13,7 +13,7 @@ use crate::entry::kernels;
 #[cfg(target_arch = "spirv")]
 use crate::grid;
 use crate::hploc::{self, HplocParams};
-use crate::kept::{self, AtomicKept, Kept, RestoreParams};
+use crate::kept::{self, AtomicKept, Graft, GraftParams as KeptGraftParams, Kept, RestoreParams};
 use crate::lbvh::{self, HierarchyParams, LeavesParams};
 use crate::mem::{AtomicU32, AtomicU64, Slot};
 use crate::morton::{self, MortonParams};
@@ -25,7 +25,8 @@ use crate::prbvh::check::{check, check_words};
 use crate::prbvh::dual::search::DualParams;
 use crate::prbvh::lock::{lock, lock_words};
 use crate::prbvh::search::search;
-use crate::prbvh::worst::{self, RoundParams};
+use crate::prbvh::worst::top::{TopNode, TopParams};
+use crate::prbvh::worst::{self, RoundParams, group};
 use crate::prbvh::{Move, PrbvhParams, paths, reinsert::reinsert};
 use crate::presplit::pieces::{PiecesParams, pieces};
 use crate::presplit::places::{self as presplit, ChunkShare, SumsParams};
@@ -47,24 +48,19 @@ use spirv_std::{glam::UVec3, spirv};
 
 kernels! {
     SetupBoxes setup_boxes(params: BoxesParams) [
-        0 triangles: &[Triangle],
-        1 boxes: &[Slot<Aabb>],
+        0 triangles: &[Triangle], 1 boxes: &[Slot<Aabb>],
     ] => |i| setup::boxes(i, triangles, boxes);
 
     SetupBounds setup_bounds(params: BoundsParams) [
-        0 boxes: &[Aabb],
-        1 united: &[Slot<Aabb>],
+        0 boxes: &[Aabb], 1 united: &[Slot<Aabb>],
     ] shared words: setup::BOUNDS_WORDS => |w| setup::bounds(w, params, boxes, united, words);
 
     PresplitPriorities presplit_priorities(params: PrioritiesParams) [
-        0 triangles: &[Triangle],
-        1 priority: &[Slot<f32>],
+        0 triangles: &[Triangle], 1 priority: &[Slot<f32>],
     ] => |i| priorities(i, params, triangles, priority);
 
     PresplitSums presplit_sums(params: SumsParams) [
-        0 priority: &[f32],
-        1 scales: &[f32],
-        2 sums: &[Slot<u32>],
+        0 priority: &[f32], 1 scales: &[f32], 2 sums: &[Slot<u32>],
     ] shared words: presplit::SUMS_WORDS => |w| presplit::sums(w, params, priority, scales, sums, words);
 
     PresplitPlaces presplit_places(params: presplit::PlacesParams) [
@@ -83,26 +79,19 @@ kernels! {
     ] => |i| pieces(i, params, triangles, splits, places, boxes, owners);
 
     Morton30 morton_30(params: MortonParams) [
-        0 boxes: &[Aabb],
-        1 codes: &[Slot<u32>],
-        2 order: &[Slot<u32>],
+        0 boxes: &[Aabb], 1 codes: &[Slot<u32>], 2 order: &[Slot<u32>],
     ] => |i| morton::code_30(i, params, boxes, codes, order);
 
     Morton60 morton_60(params: MortonParams) [
-        0 boxes: &[Aabb],
-        1 high: &[Slot<u32>],
-        2 low: &[Slot<u32>],
-        3 order: &[Slot<u32>],
+        0 boxes: &[Aabb], 1 high: &[Slot<u32>], 2 low: &[Slot<u32>], 3 order: &[Slot<u32>],
     ] => |i| morton::code_60(i, params, boxes, high, low, order);
 
     SortCount sort_count(params: SortParams) [
-        0 keys: &[u32],
-        1 table: &[Slot<u32>],
+        0 keys: &[u32], 1 table: &[Slot<u32>],
     ] shared words: sort::COUNT_WORDS => |w| sort::count(w, params, keys, table, words);
 
     SortRows sort_rows(params: SortParams) [
-        0 table: &[Slot<u32>],
-        1 totals: &[Slot<u32>],
+        0 table: &[Slot<u32>], 1 totals: &[Slot<u32>],
     ] shared words: sort::ROWS_WORDS => |w| sort::rows(w, params, table, totals, words);
 
     SortScatter sort_scatter(params: SortParams) [
@@ -126,21 +115,15 @@ kernels! {
     ] => |i| sort::scatter_alone(i, params, keys, values, table, totals, sorted_keys, sorted_values);
 
     SortGather sort_gather(params: GatherParams) [
-        0 order: &[u32],
-        1 words: &[u32],
-        2 gathered: &[Slot<u32>],
+        0 order: &[u32], 1 words: &[u32], 2 gathered: &[Slot<u32>],
     ] => |i| sort::gather(i, order, words, gathered);
 
     LbvhLeaves lbvh_leaves(params: LeavesParams) [
-        0 order: &[u32],
-        1 boxes: &[Aabb],
-        2 nodes: &[AtomicNode],
+        0 order: &[u32], 1 boxes: &[Aabb], 2 nodes: &[AtomicNode],
     ] => |i| lbvh::leaves(i, params, order, boxes, nodes);
 
     LbvhHierarchy lbvh_hierarchy(params: HierarchyParams) [
-        0 high: &[u32],
-        1 low: &[u32],
-        2 nodes: &[AtomicNode],
+        0 high: &[u32], 1 low: &[u32], 2 nodes: &[AtomicNode],
     ] => |i| lbvh::hierarchy(i, params, high, low, nodes);
 
     PlocClusters ploc_clusters(params: ClustersParams) [
@@ -151,9 +134,7 @@ kernels! {
     ] => |i| ploc::clusters(i, params, order, boxes, clusters, progress);
 
     PlocNearest ploc_nearest(params: NearestParams) [
-        0 clusters: &[Cluster],
-        1 progress: &[Progress],
-        2 neighbours: &[Slot<u32>],
+        0 clusters: &[Cluster], 1 progress: &[Progress], 2 neighbours: &[Slot<u32>],
     ] => |i| nearest(i, params, clusters, progress, neighbours);
 
     PlocMark ploc_mark(params: MergeParams) [
@@ -263,7 +244,7 @@ kernels! {
     ] => |i| worst::search(i, params, nodes, list, found, keys, books, report);
 
     WorstBooks worst_books(params: RoundParams) [
-        0 books: &[AtomicU32], 1 fringe: &[Slot<u32>], 2 report: &[AtomicU32],
+        0 books: &[AtomicU32], 1 fringe: &[AtomicU32], 2 report: &[AtomicU32],
     ] => |_i| worst::books::books(params, books, fringe, report);
 
     WorstCount worst_count(params: RoundParams) [
@@ -271,27 +252,46 @@ kernels! {
     ] => |i| worst::select::count(i, params, pool, keys, books);
 
     WorstSelect worst_select(params: RoundParams) [
-        0 keys: &[AtomicU32], 1 pool: &[Slot<u32>], 2 list: &[Slot<u32>], 3 books: &[AtomicU32],
-    ] => |i| worst::select::select(i, params, keys, pool, list, books);
+        0 nodes: &[WideNode], 1 keys: &[AtomicU32], 2 pool: &[AtomicU32], 3 list: &[Slot<u32>],
+        4 fringe: &[AtomicU32], 5 books: &[AtomicU32],
+    ] => |i| worst::select::select(i, params, nodes, keys, pool, list, fringe, books);
 
-    WorstUnfold worst_unfold(params: RoundParams) [
-        0 nodes: &[WideNode], 1 keys: &[AtomicU32], 2 fringe: &[Slot<u32>], 3 pool: &[Slot<u32>],
-        4 books: &[AtomicU32],
-    ] => |i| worst::unfold::unfold(i, params, nodes, keys, fringe, pool, books);
+    WorstHead worst_head(params: RoundParams) [
+        0 nodes: &[WideNode], 1 keys: &[AtomicU32], 2 fringe: &[AtomicU32], 3 pool: &[AtomicU32],
+        4 list: &[Slot<u32>], 5 books: &[AtomicU32], 6 report: &[AtomicU32],
+    ] shared words: group::HEAD_WORDS => |w| {
+        group::head(w, params, nodes, keys, fringe, pool, list, books, report, words);
+    };
+
+    WorstTail worst_tail(params: RoundParams) [
+        0 found: &[Slot<Move>], 1 nodes: &[AtomicNode], 2 locks: &[AtomicU64], 3 kept: &[Slot<Kept>],
+        4 ways: &[AtomicU32], 5 keys: &[AtomicU32], 6 fringe: &[AtomicU32], 7 pool: &[AtomicU32],
+        8 books: &[AtomicU32], 9 report: &[AtomicU32],
+    ] shared words: group::TAIL_WORDS => |w| {
+        group::tail(w, params, found, nodes, locks, kept, ways, keys, fringe, pool, books, report, words);
+    };
+
+    WorstTop worst_top(params: TopParams) [
+        0 nodes: &[Node], 1 list: &[u32], 2 books: &[AtomicU32], 3 top: &[Slot<TopNode>],
+    ] => |i| worst::top::top(i, params, nodes, list, books, top);
 
     WorstMark worst_mark(params: PrbvhParams) [
         0 found: &[Slot<Move>], 1 nodes: &[Node], 2 ways: &[AtomicU32], 3 keys: &[AtomicU32],
-        4 fringe: &[Slot<u32>], 5 books: &[AtomicU32], 6 report: &[AtomicU32],
+        4 fringe: &[AtomicU32], 5 books: &[AtomicU32], 6 report: &[AtomicU32],
     ] => |i| worst::refit::mark(i, params, found, nodes, ways, keys, fringe, books, report);
 
     WorstRefit worst_refit(params: PrbvhParams) [
         0 found: &[Slot<Move>], 1 nodes: &[AtomicNode], 2 ways: &[AtomicU32], 3 keys: &[AtomicU32],
-        4 pool: &[Slot<u32>], 5 books: &[AtomicU32], 6 report: &[AtomicU32],
+        4 pool: &[AtomicU32], 5 books: &[AtomicU32], 6 report: &[AtomicU32],
     ] => |i| worst::refit::refit(i, params, found, nodes, ways, keys, pool, books, report);
 
     KeptRestore kept_restore(params: RestoreParams) [
         0 kept: &[Kept], 1 nodes: &[AtomicNode],
     ] => |i| kept::restore(i, params, kept, nodes);
+
+    KeptGraft kept_graft(params: KeptGraftParams) [
+        0 grafts: &[Graft], 1 nodes: &[AtomicNode],
+    ] => |i| kept::graft(i, grafts, nodes);
 
     CollapseSizes collapse_sizes(params: CollapseParams) [
         0 nodes: &[Node],

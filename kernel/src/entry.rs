@@ -82,7 +82,7 @@ macro_rules! kernels {
                     Self::Cost | Self::SortCount | Self::SortScatter | Self::PlocMark | Self::PlocMerge => 4,
                     Self::SortRows => 64,
                     // Walks and climbs.
-                    Self::HplocStage | Self::Rotations | Self::Refit | Self::PrbvhRefit | Self::PrbvhMark | Self::WorstRefit | Self::WorstMark | Self::WorstUnfold => 32,
+                    Self::HplocStage | Self::Rotations | Self::Refit | Self::PrbvhRefit | Self::PrbvhMark | Self::WorstRefit | Self::WorstMark => 32,
                     Self::Trace32 | Self::Trace64 | Self::Trace128 | Self::TraceDeep => 16,
                     Self::TraceBvh4 | Self::TraceBvh4Deep | Self::TraceBvh8 | Self::TraceBvh8Deep => 16,
                     Self::TraceCwbvh | Self::TraceCwbvhDeep => 16,

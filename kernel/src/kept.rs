@@ -50,6 +50,40 @@ pub struct RestoreParams {
     pub epoch: u32,
 }
 
+/// Other children of an internal node than it has.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Graft {
+    /// The node.
+    pub node: u32,
+    /// Its left child.
+    pub left: u32,
+    /// Its right child.
+    pub right: u32,
+}
+
+/// Push constants of [`graft`].
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct GraftParams {
+    /// Invocations: one per graft.
+    pub count: u32,
+}
+
+/// Invocation `i` gives a node its other children. Boxes are stale until the next refit.
+#[inline(always)]
+pub fn graft(i: u32, grafts: &[Graft], nodes: &[AtomicNode]) {
+    let Graft { node, left, right } = grafts[i as usize];
+    set_children(node, left, right, nodes);
+}
+
+#[inline(always)]
+fn set_children(v: u32, left: u32, right: u32, nodes: &[AtomicNode]) {
+    nodes[v as usize].set_down(left);
+    nodes[left as usize].set_up(right);
+    nodes[right as usize].set_up(v | RIGHT);
+}
+
 /// Notes the children of `v`, which its caller owns, unless those of the best tree `epoch` are noted already.
 #[inline(always)]
 pub fn keep(v: u32, epoch: u32, nodes: &[AtomicNode], kept: &[Slot<Kept>]) {
@@ -64,8 +98,6 @@ pub fn keep(v: u32, epoch: u32, nodes: &[AtomicNode], kept: &[Slot<Kept>]) {
 pub fn restore(i: u32, params: &RestoreParams, kept: &[Kept], nodes: &[AtomicNode]) {
     let Kept { epoch, left, right } = kept[i as usize];
     if epoch == params.epoch {
-        nodes[i as usize].set_down(left);
-        nodes[left as usize].set_up(right);
-        nodes[right as usize].set_up(i | RIGHT);
+        set_children(i, left, right, nodes);
     }
 }

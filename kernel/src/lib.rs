@@ -18,7 +18,7 @@
 //! | [`prbvh`] | `prbvh_search`, `prbvh_lock`, `prbvh_check`, `prbvh_reinsert`, `prbvh_mark`, `prbvh_refit` | tree → better tree, as published |
 //! | [`prbvh::worst`] | `worst_*`, `dual_search`, `prbvh_lock`, `prbvh_check`, `prbvh_reinsert` | tree → better tree, the worst nodes first, by moves of two subtrees |
 //! | [`rotations`] | `rotations_climb`, `cost` | tree → tree with better subtrees of three levels |
-//! | [`kept`] | `kept_restore` | tree → the best tree before it |
+//! | [`kept`] | `kept_restore`, `kept_graft` | tree → the best tree before it, tree with another top |
 //! | [`mod@collapse`] | `collapse_sizes`, `collapse_places`, `collapse_jump`, `collapse_emit` | tree → tree with adaptive leaves |
 //! | [`trace`] | `trace_32`, `trace_64`, `trace_128`, `trace_deep`, `trace_count` | tree, rays → hits |
 //! | [`trace::path`] | `path_camera`, `path_shade`, `path_gather`, `path_film` | hits → next rays → picture |

@@ -149,6 +149,20 @@ impl WholeNodes for [Node] {
     }
 }
 
+impl WholeNodes for [AtomicNode] {
+    #[inline(always)]
+    fn whole(&self, v: u32) -> Node {
+        let Aabb { min, max } = self.box_of(v);
+        let node = &self[v as usize];
+        Node { min, up: node.up(), max, down: node.down() }
+    }
+
+    #[inline(always)]
+    fn box_of(&self, v: u32) -> Aabb {
+        self[v as usize].aabb()
+    }
+}
+
 impl WholeNodes for [WideNode] {
     #[inline(always)]
     fn whole(&self, v: u32) -> Node {

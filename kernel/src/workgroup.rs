@@ -11,8 +11,10 @@
 //! What stands between the phases is the same for the whole group: it sees push constants, buffers and the number of the group, but no lane. So all
 //! invocations come to the same barriers by construction. Nothing but memory lives from one phase to the next.
 //!
+//! A barrier is about shared memory; after a [wide phase](Workgroup::wide_phase) it is about the atomics of buffers, too.
+//!
 //! In one phase no lane reads a word of shared memory that another one stores; several may add to a word or set its bits. A buffer's element stays with one lane in the whole
-//! kernel, as [`crate::mem`] has it: a barrier is about shared memory alone.
+//! kernel, as [`crate::mem`] has it, unless it is an atomic.
 //!
 //! On the GPU a phase is a barrier after the code of one lane. The CPU has two ways: [`crate::native::Alone`] is a group of one lane, which does the work of all in order and has
 //! nobody to wait for; [`crate::native::Lanes`] runs all lanes of a phase, in an order that is asked for, before the next phase begins. A kernel gives the same bits with any number of lanes, so what
@@ -31,6 +33,24 @@ pub trait Workgroup {
 
     /// Runs a phase: `lane(k)` for every lane `k`. All of it is done before the next phase.
     fn phase(&self, lane: impl Fn(u32));
+
+    /// A [phase](Workgroup::phase) after which all lanes see what it did to buffers by atomics, too.
+    #[inline(always)]
+    fn wide_phase(&self, lane: impl Fn(u32)) {
+        self.phase(lane);
+    }
+
+    /// Runs a [wide phase](Workgroup::wide_phase) over `count` items, of which a lane has the same in each.
+    #[inline(always)]
+    fn wide_each(&self, count: u32, item: impl Fn(u32)) {
+        self.wide_phase(move |lane| {
+            let mut k = lane;
+            while k < count {
+                item(k);
+                k += Self::LANES;
+            }
+        });
+    }
 
     /// Runs a phase over `count` items, which the lanes take in turn.
     #[inline(always)]
@@ -112,6 +132,13 @@ pub fn total<W: Workgroup, const N: usize>(shared: &[SharedU32; N], at: u32) -> 
     sum
 }
 
+/// `Scope::Workgroup`.
+#[cfg(target_arch = "spirv")]
+const SCOPE: u32 = 2;
+/// `ACQUIRE_RELEASE | UNIFORM_MEMORY | WORKGROUP_MEMORY | MAKE_AVAILABLE | MAKE_VISIBLE`.
+#[cfg(target_arch = "spirv")]
+const ALL_MEMORY: u32 = 0x6148;
+
 /// A workgroup on the GPU.
 #[cfg(target_arch = "spirv")]
 pub struct OnDevice {
@@ -134,5 +161,11 @@ impl Workgroup for OnDevice {
     fn phase(&self, lane: impl Fn(u32)) {
         lane(self.lane);
         spirv_std::arch::workgroup_memory_barrier_with_group_sync();
+    }
+
+    #[inline(always)]
+    fn wide_phase(&self, lane: impl Fn(u32)) {
+        lane(self.lane);
+        spirv_std::arch::control_barrier::<SCOPE, SCOPE, ALL_MEMORY>();
     }
 }

@@ -168,22 +168,32 @@ pub fn watched(
         if dispatch.kernel == Kernel::WorstRefit {
             refit = Some(dispatch.clone());
         }
-        if dispatch.kernel != Kernel::WorstBooks {
-            return Ok(());
-        }
-        let params: RoundParams = bytemuck::pod_read_unaligned(&dispatch.push);
-        // What unfolds before the first round moves nothing.
-        if params.page == CLOSE
+        // A small round ends with its tail, a large one with a page of the books.
+        let ends = if dispatch.kernel == Kernel::WorstTail {
+            let [_, nodes, locks, _, _, keys, fringe, pool, books, report] = &dispatch.buffers[..] else {
+                panic!("{dispatch:?}")
+            };
+            is_free = words(device, locks)?.iter().all(|&word| word == 0);
+            Some([nodes, keys, fringe, pool, books, report].map(Buffer::clone))
+        } else if dispatch.kernel == Kernel::WorstBooks
+            && bytemuck::pod_read_unaligned::<RoundParams>(&dispatch.push).page == CLOSE
+            // What unfolds before the first round moves nothing.
             && let Some(refit) = refit.take()
         {
             let [_, nodes, _, keys, pool, books, report] = &refit.buffers[..] else { panic!("{refit:?}") };
+            Some([nodes, keys, &dispatch.buffers[1], pool, books, report].map(Buffer::clone))
+        } else {
+            None
+        };
+        if let Some([nodes, keys, fringe, pool, books, report]) = &ends {
+            let params: RoundParams = bytemuck::pod_read_unaligned(&dispatch.push);
             let mut tree: Vec<Node> = vec![bytemuck::Zeroable::zeroed(); nodes.length];
             device.download(nodes, bytemuck::cast_slice_mut(&mut tree))?;
             see(&Round {
                 nodes: tree,
                 keys: words(device, keys)?,
                 pool: words(device, pool)?,
-                fringe: words(device, &dispatch.buffers[1])?,
+                fringe: words(device, fringe)?,
                 books: words(device, books)?,
                 report: words(device, report)?[params.row as usize..][..REPORT_WORDS as usize].to_vec(),
                 is_free,

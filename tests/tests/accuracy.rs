@@ -8,7 +8,9 @@ use prbvh::pipeline::{Optimizer, Settings};
 use prbvh::scene::{SafeRange, built_in};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::cost::{COST_CHUNK, CostParams};
+use prbvh_kernel::node::ROOT;
 use prbvh_kernel::prbvh::Move;
+use prbvh_kernel::prbvh::worst::top::TopNode;
 use prbvh_kernel::status::{FOUND, PREDICTED};
 use prbvh_lab::accuracy::{AccuracyReport, AccuracyRow, BreachKind, F32_COST_BOUND, NumericsCheck};
 use prbvh_tests::command::run;
@@ -89,9 +91,17 @@ fn red_if(
     kernel: Kernel,
     fault: impl Fn(&Dispatch, &mut dyn Device) -> Result<(), DeviceError> + Copy,
 ) -> [BTreeSet<String>; 3] {
+    red_after(&[kernel], fault)
+}
+
+/// The same after any of these kernels.
+fn red_after(
+    kernels: &[Kernel],
+    fault: impl Fn(&Dispatch, &mut dyn Device) -> Result<(), DeviceError> + Copy,
+) -> [BTreeSet<String>; 3] {
     orders().map(|settings| {
-        let after = move |dispatch: &Dispatch, device: &mut dyn Device| {
-            if dispatch.kernel == kernel { fault(dispatch, device) } else { Ok(()) }
+        let after = |dispatch: &Dispatch, device: &mut dyn Device| {
+            if kernels.contains(&dispatch.kernel) { fault(dispatch, device) } else { Ok(()) }
         };
         let mut device = Planted::new(Box::new(CpuDevice::new(2).unwrap()), after);
         let report = checked(&built_in(2000), &mut device, &settings).unwrap();
@@ -139,7 +149,8 @@ fn corrupted_predictions_are_red_where_they_are_promises() {
         // A thousandth more in the upper word, which is a large number in all rounds that matter.
         change(device, report, |words: &mut [u32]| words[PREDICTED + 1] += words[PREDICTED + 1] / 1000)
     };
-    let red = red_if(Kernel::PrbvhCheck, corrupt);
+    // Rounds of worst first are small here.
+    let red = red_after(&[Kernel::PrbvhCheck, Kernel::WorstTail], corrupt);
     assert_eq!(red, [kinds(&[BreachKind::Prediction]), kinds(&[]), kinds(&[BreachKind::Prediction])]);
 }
 
@@ -178,16 +189,14 @@ fn a_dual_move_that_is_worth_more_than_promised_is_red() {
 #[test]
 fn a_new_top_that_is_not_worth_what_it_claims_is_red() {
     let red_if = |part: f32| {
-        let mut gathers = 0;
         let after = move |dispatch: &Dispatch, device: &mut dyn Device| {
-            let gathered = dispatch.buffers.iter().find(|buffer| buffer.label == "gathered nodes");
-            let Some(gathered) = gathered else { return Ok(()) };
-            gathers += 1;
-            // The nodes of the top, their left children, their right ones; the root comes first.
-            if gathers % 3 != 1 {
+            if dispatch.kernel != Kernel::WorstTop {
                 return Ok(());
             }
-            change(device, gathered, |words: &mut [u32]| words[4] = (f32::from_bits(words[4]) * part).to_bits())
+            change(device, &dispatch.buffers[3], |top: &mut [TopNode]| {
+                let root = top.iter_mut().find(|node| node.v == ROOT).unwrap();
+                root.node.max[0] *= part;
+            })
         };
         let mut device = Planted::new(Box::new(CpuDevice::new(2).unwrap()), after);
         let report = checked(&built_in(4000), &mut device, &Settings::default()).unwrap();

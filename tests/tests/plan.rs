@@ -384,7 +384,7 @@ fn a_run_takes_the_kernels_of_its_plan_and_no_others() {
     ];
     let scenes = [("soup", soup(700, 0.1, 6)), ("copies", soup(1, 0.1, 6).repeat(300)), ("one", soup(1, 0.1, 6))];
     // Those that the data decide about.
-    let by_data = ["kept_restore", "refit_climb", "collapse_jump"];
+    let by_data = ["kept_restore", "refit_climb", "collapse_jump", "worst_books"];
     with_devices(|devices| {
         for ((name, triangles), initial) in
             scenes.iter().flat_map(|scene| initials.clone().map(|initial| (scene, initial)))

@@ -10,8 +10,9 @@ use prbvh_kernel::prbvh::dual::search::{DualParams, TO_THE_ROOT, search};
 use prbvh_kernel::prbvh::worst::RoundParams;
 use prbvh_kernel::prbvh::worst::books::CHUNK;
 use prbvh_kernel::prbvh::worst::books::{
-    BEGIN, BOOKS_WORDS, CLOSE, LIST_LENGTH, PART, POOL_LENGTH, POOL_SIDE, TURN, WORST,
+    BEGIN, BOOKS_WORDS, CLOSE, FRINGE_LENGTH, LIST_LENGTH, OVER_LIST, PART, POOL_LENGTH, POOL_SIDE, SELECTS, TURN,
 };
+use prbvh_kernel::prbvh::worst::group::{BEGINS, COMES_FIRST};
 use prbvh_kernel::prbvh::worst::keys::{COLD, IN_POOL, ON_FRINGE, TIRED, measure_of, waits};
 use prbvh_kernel::prbvh::{DUAL, Move, PrbvhParams, WON};
 use prbvh_kernel::status::REPORT_WORDS;
@@ -73,8 +74,8 @@ struct Selected {
     turn: [u32; 2],
 }
 
-/// Count, threshold and selection on a device.
-fn select(pool: &Pool, wanted: u32, device: &mut dyn Device) -> Selected {
+/// Count, threshold and selection on a device: in dispatches of many workgroups, or in one of a single one.
+fn select(pool: &Pool, wanted: u32, is_alone: bool, device: &mut dyn Device) -> Selected {
     let Pool { places, keys, pool, turn } = pool;
     let mut sides = vec![0u32; 2 * places];
     sides[*places..][..pool.len()].copy_from_slice(pool);
@@ -82,15 +83,25 @@ fn select(pool: &Pool, wanted: u32, device: &mut dyn Device) -> Selected {
     (books[POOL_SIDE], books[POOL_LENGTH + 1]) = (1, pool.len() as u32);
     [books[TURN], books[PART]] = *turn;
     let chunks = (pool.len() as u32).div_ceil(CHUNK);
-    let params = RoundParams { count: chunks, ..round(*places, WORST, wanted) };
-    let counted = Case::new(Kernel::WorstCount, chunks, &params).with(&sides).with(keys).with(&books);
-    let books: Vec<u32> = counted.run_on(device).unwrap().get("books");
-    let page = RoundParams { count: 1, ..params };
-    let worst = Case::new(Kernel::WorstBooks, 1, &page).with(&books).zeros(2 * places).zeros(REPORT);
-    let books: Vec<u32> = worst.run_on(device).unwrap().get("books");
-    let case = Case::new(Kernel::WorstSelect, chunks, &params).with(keys).with(&sides).zeros(*places).with(&books);
-    let result = case.run_on(device).unwrap();
+    let params = RoundParams { count: chunks, flags: SELECTS, ..round(*places, 0, wanted) };
+    let nodes = vec![Node::zeroed(); 2 * places + 1];
+    let head = |flags: u32, books: &[u32], device: &mut dyn Device| {
+        let params = RoundParams { count: 1, flags, ..params };
+        let case = Case::new(Kernel::WorstHead, 1, &params).with(&nodes).with(keys).zeros(2 * places).with(&sides);
+        case.zeros(*places).with(books).zeros(REPORT).run_on(device).unwrap()
+    };
+    let result = if is_alone {
+        head(COMES_FIRST, &books, device)
+    } else {
+        let counted = Case::new(Kernel::WorstCount, chunks, &params).with(&sides).with(keys).with(&books);
+        let books: Vec<u32> = counted.run_on(device).unwrap().get("books");
+        let books: Vec<u32> = head(0, &books, device).get("books");
+        let case = Case::new(Kernel::WorstSelect, chunks, &params).with(&nodes).with(keys).with(&sides);
+        case.zeros(*places).zeros(2 * places).with(&books).run_on(device).unwrap()
+    };
     let books: Vec<u32> = result.get("books");
+    let over = prbvh_kernel::grid::workgroups(books[LIST_LENGTH]);
+    assert_eq!(books[OVER_LIST + 1..][..3], over, "workgroups over the list");
     let mut list: Vec<u32> = result.get("list");
     list.truncate(books[LIST_LENGTH] as usize);
     assert_eq!(books[POOL_SIDE], 0, "the other side");
@@ -148,12 +159,15 @@ fn selected_everywhere(pool: &Pool, wanted: u32) -> Selected {
     with_devices(|devices| {
         let mut first: Option<Selected> = None;
         for (name, device) in devices {
-            let mut selected = select(pool, wanted, &mut **device);
-            assert_eq!(selection_fault(pool, &selected, wanted as usize), None, "{name}, {wanted} of {}", pool.places);
-            selected.list.sort_unstable();
-            selected.pool.sort_unstable();
-            assert!(first.as_ref().is_none_or(|first| *first == selected), "{name}");
-            first = Some(selected);
+            for is_alone in [false, true] {
+                let mut selected = select(pool, wanted, is_alone, &mut **device);
+                let fault = selection_fault(pool, &selected, wanted as usize);
+                assert_eq!(fault, None, "{name}, {wanted} of {}", pool.places);
+                selected.list.sort_unstable();
+                selected.pool.sort_unstable();
+                assert!(first.as_ref().is_none_or(|first| *first == selected), "{name}, alone: {is_alone}");
+                first = Some(selected);
+            }
         }
         first.unwrap()
     })
@@ -186,7 +200,7 @@ fn everybody_is_searched_in_the_end() {
         let mut pool = Pool::new(2000, octaves, 0, 9);
         let mut rounds = 0;
         while !pool.waiting().is_empty() {
-            let selected = with_devices(|devices| select(&pool, 60, &mut *devices[0].1));
+            let selected = with_devices(|devices| select(&pool, 60, rounds % 2 == 0, &mut *devices[0].1));
             assert!(
                 !selected.list.is_empty(),
                 "{} wait, and after {rounds} rounds none is searched",
@@ -223,8 +237,9 @@ fn unfold(nodes: &[Node], device: &mut dyn Device) -> Vec<Round> {
     let mut stages = Vec::new();
     while !state.on_fringe().unwrap().is_empty() {
         let case =
-            Case::new(Kernel::WorstUnfold, places as u32, &params(places as u32, 0)).with(nodes).with(&state.keys);
-        let result = case.with(&state.fringe).with(&state.pool).with(&state.books).run_on(device).unwrap();
+            Case::new(Kernel::WorstSelect, places as u32, &params(places as u32, 0)).with(nodes).with(&state.keys);
+        let case = case.with(&state.pool).zeros(places).with(&state.fringe).with(&state.books);
+        let result = case.run_on(device).unwrap();
         state = Round { keys: result.get("keys"), fringe: result.get("fringe"), pool: result.get("pool"), ..state };
         let close = Case::new(Kernel::WorstBooks, 1, &params(1, CLOSE)).with(&result.get::<u32>("books"));
         let closed = close.with(&state.fringe).with(&state.report).run_on(device).unwrap();
@@ -233,6 +248,21 @@ fn unfold(nodes: &[Node], device: &mut dyn Device) -> Vec<Round> {
         assert!(stages.len() < 100, "the fringe is never empty");
     }
     stages
+}
+
+/// The same stages by one workgroup: keys, and how long the lists are.
+fn unfold_alone(nodes: &[Node], stages: u32, device: &mut dyn Device) -> (Vec<u32>, [u32; 4]) {
+    let places = nodes.len() / 2;
+    let root_area = nodes[0].aabb().half_area();
+    let params = RoundParams { count: 1, root_area, flags: BEGINS, ..round(places, stages, 1) };
+    let case = Case::new(Kernel::WorstHead, 1, &params).with(nodes).zeros(places).zeros(2 * places).zeros(2 * places);
+    let begun = case.zeros(places).zeros(BOOKS_WORDS as usize).zeros(REPORT).run_on(device).unwrap();
+    (begun.get("keys"), lengths(&begun.get::<u32>("books")))
+}
+
+/// Lengths of pool and fringe.
+fn lengths(books: &[u32]) -> [u32; 4] {
+    [POOL_LENGTH, POOL_LENGTH + 1, FRINGE_LENGTH, FRINGE_LENGTH + 1].map(|word| books[word])
 }
 
 /// Keys, pool and fringe cover every node in every stage, on every device. Returns the stages.
@@ -247,6 +277,13 @@ fn check_unfolding(tree: &NaiveTree) -> usize {
             }
             let last = &stages[stages.len() - 1];
             assert!(last.keys.iter().all(|&key| key != COLD && key != ON_FRINGE), "{name}: all have keys");
+            // A comb is longer than the loops of one invocation of lavapipe.
+            if nodes.len() < 20_000 {
+                for (stage, after) in (1..).zip(&stages) {
+                    let alone = unfold_alone(&nodes, stage, &mut **device);
+                    assert!(alone == (after.keys.clone(), lengths(&after.books)), "{name}: {stage} stages alone");
+                }
+            }
             let sets = stages.iter().map(|stage| stage.keys.clone()).collect();
             assert!(first.as_ref().is_none_or(|first| *first == sets), "{name}: keys");
             first = Some(sets);

@@ -9,16 +9,16 @@
 use super::lock::{TAKEN, TAKEN_WORD, all_nodes, claim, lock_key, takes};
 use super::{CONSERVATIVE, LAST, Move, PrbvhParams, ROUNDS, WON};
 use crate::mem::{AtomicU32, AtomicU64, Slot};
-use crate::node::Node;
+use crate::node::{Node, WholeNodes};
 use crate::status::{self, OWNED, PREDICTED};
 use crate::sum::Sum;
 
 /// Invocation `i` checks 64-bit locks.
 #[inline(always)]
-pub fn check(
+pub fn check<T: WholeNodes + ?Sized>(
     i: u32,
     params: &PrbvhParams,
-    nodes: &[Node],
+    nodes: &T,
     locks: &[AtomicU64],
     found: &[Slot<Move>],
     report: &[AtomicU32],

@@ -49,7 +49,7 @@
 
 use super::Move;
 use crate::aabb::Aabb;
-use crate::node::{Links, Node};
+use crate::node::WholeNodes;
 
 /// What the nodes of a reinsertion beside its [`MoveNodes`](super::MoveNodes) are found from.
 #[derive(Clone, Copy, Debug)]
@@ -73,7 +73,7 @@ impl Footprint {
     /// Whether `holds(v, written)` is true of every node `v` on the two arms that the reinsertion writes or reads; asks all of them, some more than
     /// once: a node is written if it is ever said to be.
     #[inline(always)]
-    pub fn all(self, nodes: &[Node], holds: impl Fn(usize, bool) -> bool) -> bool {
+    pub fn all<T: WholeNodes + ?Sized>(self, nodes: &T, holds: impl Fn(usize, bool) -> bool) -> bool {
         let Self { input, output, top } = self;
         let pivot = nodes.parent(top);
         let mut all = holds(top as usize, false);
@@ -83,18 +83,18 @@ impl Footprint {
         let mut below = input;
         let mut v = nodes.parent(input);
         while shrinks && v != pivot {
-            without = without.union(nodes[nodes.sibling(below) as usize].aabb());
-            shrinks = !without.contains(nodes[v as usize].aabb());
+            without = without.union(nodes.box_of(nodes.sibling(below)));
+            shrinks = !without.contains(nodes.box_of(v));
             all &= holds(v as usize, true);
             below = v;
             v = nodes.parent(v);
         }
 
-        let input_box = nodes[input as usize].aabb();
+        let input_box = nodes.box_of(input);
         let mut grows = true;
         let mut w = nodes.parent(output);
         while grows {
-            grows = w != pivot && !nodes[w as usize].aabb().contains(input_box);
+            grows = w != pivot && !nodes.box_of(w).contains(input_box);
             all &= holds(w as usize, grows);
             w = nodes.parent(w);
         }

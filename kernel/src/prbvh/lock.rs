@@ -9,7 +9,7 @@
 use super::conservative::Footprint;
 use super::{CONSERVATIVE, DUAL, LAST, Move, MoveNodes, PrbvhParams, ROUNDS, SECOND_WORD};
 use crate::mem::{AtomicU32, AtomicU64, Slot};
-use crate::node::Node;
+use crate::node::{Node, WholeNodes};
 
 /// Lower word of a lock: the input node, and whether it writes the node or only reads it.
 #[inline(always)]
@@ -33,9 +33,9 @@ pub const TAKEN_WORD: u32 = u32::MAX;
 
 /// Whether `holds(v, written)` is true of every node `v` that `found` writes or reads; asks all of them.
 #[inline(always)]
-pub(super) fn all_nodes(
+pub(super) fn all_nodes<T: WholeNodes + ?Sized>(
     params: &PrbvhParams,
-    nodes: &[Node],
+    nodes: &T,
     found: &Move,
     holds: impl Fn(usize, bool) -> bool + Copy,
 ) -> bool {
@@ -49,7 +49,13 @@ pub(super) fn all_nodes(
 
 /// Invocation `i` claims with a 64-bit key.
 #[inline(always)]
-pub fn lock(i: u32, params: &PrbvhParams, nodes: &[Node], found: &[Slot<Move>], locks: &[AtomicU64]) {
+pub fn lock<T: WholeNodes + ?Sized>(
+    i: u32,
+    params: &PrbvhParams,
+    nodes: &T,
+    found: &[Slot<Move>],
+    locks: &[AtomicU64],
+) {
     let own = found[i as usize].get();
     if own.is_open() {
         if is_out(params, nodes, &own, |v| locks[v].load() == TAKEN) {
@@ -97,7 +103,12 @@ pub fn lock_words(
 
 /// Whether the move meets a node that another has won.
 #[inline(always)]
-fn is_out(params: &PrbvhParams, nodes: &[Node], own: &Move, is_taken: impl Fn(usize) -> bool + Copy) -> bool {
+fn is_out<T: WholeNodes + ?Sized>(
+    params: &PrbvhParams,
+    nodes: &T,
+    own: &Move,
+    is_taken: impl Fn(usize) -> bool + Copy,
+) -> bool {
     params.has(ROUNDS) && !all_nodes(params, nodes, own, move |v, _| !is_taken(v))
 }
 

@@ -9,18 +9,18 @@
 use super::{Move, PrbvhParams};
 use crate::aabb::Aabb;
 use crate::mem::{AtomicU32, Slot};
-use crate::node::{AtomicNode, Links, NO_NODE, Node};
+use crate::node::{AtomicNode, Links, NO_NODE};
 use crate::status::{self, GREW, MARKED, REFITTED, SHRUNK};
 use crate::sum::Sum;
 
 /// Invocation `i` climbs from the ends of the move `found[i]`, if it was made. Reads `nodes[2n-1]`, raises `ways[n-1]`, which starts as 0. Reports how
 /// many nodes it was the first to come to, and one more if the climb did not come to its end.
 #[inline(always)]
-pub fn mark(
+pub fn mark<T: Links + ?Sized>(
     i: u32,
     params: &PrbvhParams,
     found: &[Slot<Move>],
-    nodes: &[Node],
+    nodes: &T,
     ways: &[AtomicU32],
     report: &[AtomicU32],
 ) {
@@ -36,7 +36,7 @@ pub fn mark(
 }
 
 #[inline(always)]
-fn mark_from(start: u32, params: &PrbvhParams, nodes: &[Node], ways: &[AtomicU32]) -> u32 {
+fn mark_from<T: Links + ?Sized>(start: u32, params: &PrbvhParams, nodes: &T, ways: &[AtomicU32]) -> u32 {
     let mut v = start;
     let mut marked = 0;
     let mut done = false;

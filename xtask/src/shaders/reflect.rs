@@ -98,14 +98,19 @@ fn barriers(index: &Index<'_>, info: &KernelInfo, faults: &mut Vec<String>) {
         faults.push(format!("{} barriers with {} bytes of shared memory", barriers.len(), info.shared_bytes));
     }
     let semantics = MemorySemantics::ACQUIRE_RELEASE | MemorySemantics::WORKGROUP_MEMORY;
-    let wanted = [Scope::Workgroup as u32, Scope::Workgroup as u32, semantics.bits()].map(Some);
+    // Of a wide phase.
+    let wide =
+        semantics | MemorySemantics::UNIFORM_MEMORY | MemorySemantics::MAKE_AVAILABLE | MemorySemantics::MAKE_VISIBLE;
+    let of =
+        |semantics: MemorySemantics| [Scope::Workgroup as u32, Scope::Workgroup as u32, semantics.bits()].map(Some);
+    let (wanted, wanted_wide) = (of(semantics), of(wide));
     for barrier in barriers {
         let constant = |operand: &Operand| {
             let id = operand.id_ref_any()?;
             if let Operand::LiteralBit32(value) = index.definition(id)?.operands.first()? { Some(*value) } else { None }
         };
         let found: Vec<_> = barrier.operands.iter().map(constant).collect();
-        if found != wanted {
+        if found != wanted && found != wanted_wide {
             faults.push(format!("a barrier has scopes and semantics {found:?}, not {wanted:?}"));
         }
     }

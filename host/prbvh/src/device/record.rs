@@ -34,11 +34,6 @@ impl Buffer {
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         (self.id, self.label, self.bytes()) == (other.id, other.label, other.bytes())
     }
-
-    /// The same buffer as words of 32 bits.
-    pub(crate) fn as_words(&self) -> Self {
-        Self { length: self.length * (self.element_bytes / 4), element_bytes: 4, ..self.clone() }
-    }
 }
 
 /// One kernel over a number of invocations.

@@ -106,16 +106,21 @@ impl Measure {
         self.arrived = 2;
     }
 
-    /// Records what [`Measure::areas`] reads, after a refit; from here on only paths are refitted.
-    fn record_areas(&mut self, recording: &mut Recording) -> u32 {
+    /// Partial sums of all nodes; that of the root alone comes after them.
+    fn chunks(&self) -> u32 {
+        self.internal().div_ceil(COST_CHUNK) + self.references.div_ceil(COST_CHUNK)
+    }
+
+    /// Records what [`Measure::read_areas`] reads, after a refit; from here on only paths are refitted.
+    pub(super) fn record_areas(&mut self, recording: &mut Recording) {
         let (internal, leaves) = (self.internal(), self.references);
-        let internal_chunks = internal.div_ceil(COST_CHUNK);
-        let chunks = internal_chunks + leaves.div_ceil(COST_CHUNK);
+        let chunks = self.chunks();
         self.record_sum(recording, 0, internal, 0);
-        self.record_sum(recording, internal, leaves, internal_chunks);
+        self.record_sum(recording, internal, leaves, internal.div_ceil(COST_CHUNK));
         self.record_sum(recording, 0, 1, chunks);
         self.record_no_arrivals(recording);
-        chunks
+        recording.fetch("cost", &self.partial, 4 * (chunks as usize + 1));
+        recording.fetch("cost", &self.report, 4 * REPORT_WORDS as usize);
     }
 
     /// Records that nobody has come to a node, after a refit of all: as a refit of paths finds it.
@@ -131,20 +136,24 @@ impl Measure {
         self.areas(device, recording)
     }
 
-    /// All sums after what is recorded.
+    /// All sums of the tree after what is recorded.
     pub(super) fn areas(
         &mut self,
         device: &mut dyn Device,
         mut recording: Recording,
     ) -> Result<(TreeAreas, Vec<Timing>), DeviceError> {
-        let chunks = self.record_areas(&mut recording);
-        recording.fetch("cost", &self.partial, 4 * (chunks as usize + 1));
-        recording.fetch("cost", &self.report, 4 * REPORT_WORDS as usize);
+        self.record_areas(&mut recording);
         let timings = device.run(&recording)?;
-        let partial = self.read(device, chunks as usize + 1)?;
+        Ok((self.read_areas(device)?, timings))
+    }
+
+    /// The sums that were recorded last.
+    pub(super) fn read_areas(&self, device: &mut dyn Device) -> Result<TreeAreas, DeviceError> {
+        let mut partial = vec![0.0f32; self.chunks() as usize + 1];
+        device.download(&self.partial, bytemuck::cast_slice_mut(&mut partial))?;
         let (internal, rest) = partial.split_at(self.internal().div_ceil(COST_CHUNK) as usize);
         let (leaves, root) = rest.split_at(rest.len() - 1);
-        Ok((TreeAreas { root: sum(root), leaves: sum(leaves), internal: sum(internal) }, timings))
+        Ok(TreeAreas { root: sum(root), leaves: sum(leaves), internal: sum(internal) })
     }
 
     /// Records a sum that looks, after a refit of all, whether it came to every node.
@@ -158,12 +167,6 @@ impl Measure {
         let params = CostParams { count, first, nodes, internal: self.internal(), to, arrived: self.arrived };
         let buffers = [&self.nodes, &self.arrivals, &self.partial, &self.report];
         recording.dispatch("cost", Kernel::Cost, count, &params, &buffers);
-    }
-
-    fn read(&self, device: &mut dyn Device, chunks: usize) -> Result<Vec<f32>, DeviceError> {
-        let mut partial = vec![0.0f32; chunks];
-        device.download(&self.partial, bytemuck::cast_slice_mut(&mut partial))?;
-        Ok(partial)
     }
 }
 

@@ -1,12 +1,15 @@
 //! What a round of [`prbvh_kernel::prbvh::worst`] records, and the lists that it fills.
 
+use super::WorstFirst;
 use super::moves::Moves;
-use crate::build::Scratch;
-use crate::device::{Buffer, Device, DeviceError, Recording};
+use crate::build::{Scratch, sort_kernels};
+use crate::device::{Buffer, Device, DeviceError, DeviceInfo, DeviceKind, Recording};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::prbvh::dual::search::{DualParams, TO_THE_ROOT};
 use prbvh_kernel::prbvh::worst::RoundParams;
-use prbvh_kernel::prbvh::worst::books::{BEGIN, CLOSE, LIST, OVER_FRINGE, OVER_LIST, OVER_POOL, WORST};
+use prbvh_kernel::prbvh::worst::books::{BEGIN, CLOSE, LISTS, OVER_BOTH, OVER_LIST, OVER_POOL, SELECTS};
+use prbvh_kernel::prbvh::worst::group::{BEGINS, COMES_FIRST};
+use prbvh_kernel::prbvh::worst::top::{TopNode, TopParams};
 use prbvh_kernel::prbvh::{DUAL, PrbvhParams, ROUNDS};
 
 /// Stages that unfold before the first round: nodes of a sixty-fourth of the root's area.
@@ -14,10 +17,62 @@ pub(super) const FIRST_STAGES: u32 = 4;
 /// As many times the nodes of a round should be in the pool: to look at a key costs little beside a search.
 pub(super) const POOL: u32 = 16;
 
+/// A round that wants no more nodes takes a GPU longer to begin its dispatches than to do the work in one workgroup.
+const SMALL_ROUND: u32 = 64;
+/// The same where the workgroup is a thread of a CPU, and a dispatch dearer still.
+const SMALL_ROUND_OF_VULKAN_CPU: u32 = 256;
+/// Internal nodes of a tree through which one invocation may walk on any device: lavapipe leaves its loops after 65,535 rounds of them all, in silence.
+const WALK: u32 = 1 << 13;
+
+/// How many nodes a round wants at the most that is [small](prbvh_kernel::prbvh::worst::group), and whether a single workgroup may unfold a tree.
+fn alone(info: &DeviceInfo, internal: u32) -> (u32, bool) {
+    match info.kind {
+        DeviceKind::VulkanCpu if internal > WALK => (0, false),
+        DeviceKind::VulkanCpu => (SMALL_ROUND_OF_VULKAN_CPU, true),
+        DeviceKind::VulkanGpu | DeviceKind::Cpu => (SMALL_ROUND, true),
+    }
+}
+
+/// Kernels that a run may take beside those of its first rounds: of larger rounds, if there are any, and of new tops.
+pub(crate) fn later_kernels(info: &DeviceInfo, internal: u32, settings: &WorstFirst) -> Vec<Kernel> {
+    const LARGE: [Kernel; 5] =
+        [Kernel::WorstCount, Kernel::WorstSelect, Kernel::PrbvhReinsert, Kernel::WorstMark, Kernel::WorstRefit];
+    const LOCKS: [[Kernel; 2]; 2] =
+        [[Kernel::PrbvhLock, Kernel::PrbvhCheck], [Kernel::PrbvhLockWords, Kernel::PrbvhCheckWords]];
+    const TOPS: [Kernel; 12] = [
+        Kernel::WorstTop,
+        Kernel::KeptGraft,
+        Kernel::SetupBoxes,
+        Kernel::SetupBounds,
+        Kernel::Morton30,
+        Kernel::Morton60,
+        Kernel::SortGather,
+        Kernel::LbvhLeaves,
+        Kernel::LbvhHierarchy,
+        Kernel::Refit,
+        Kernel::Cost,
+        Kernel::WorstHead,
+    ];
+    let most = settings.most_part.max(settings.tail_part) * f64::from(internal);
+    let mut kernels = vec![Kernel::WorstBooks];
+    if most >= f64::from(alone(info, internal).0) + 1.0 {
+        kernels.extend(LARGE.into_iter().chain(LOCKS[usize::from(!info.atomics_64)]));
+    }
+    if !settings.tops(internal).is_empty() {
+        kernels.extend(TOPS.into_iter().chain(sort_kernels(info)));
+        kernels.extend(info.atomics_64.then_some(Kernel::WorstTail));
+    }
+    kernels
+}
+
 /// Buffers of the order.
 #[derive(Debug)]
 pub(super) struct Lists {
-    pub(super) keys: Buffer,
+    /// A round that wants no more nodes is a small one.
+    small: u32,
+    /// Whether a single workgroup may unfold the tree.
+    unfolds_alone: bool,
+    keys: Buffer,
     pool: Buffer,
     fringe: Buffer,
     list: Buffer,
@@ -44,8 +99,11 @@ impl Lists {
     /// Of a tree with so many internal nodes.
     pub(super) fn new(device: &mut dyn Device, scratch: &mut Scratch, internal: u32) -> Result<Self, DeviceError> {
         let places = internal.max(1) as usize;
+        let (small, unfolds_alone) = alone(device.info(), internal);
         let mut buffer = |label, length| scratch.allocate(device, label, length, 4);
         Ok(Self {
+            small,
+            unfolds_alone,
             keys: buffer("keys", places)?,
             pool: buffer("pool", 2 * places)?,
             fringe: buffer("fringe", 2 * places)?,
@@ -55,9 +113,14 @@ impl Lists {
 
     /// Records that the pool is empty and unfolds the top of the tree, in so many stages or until the pool is full.
     pub(super) fn record_begin(&self, of: Of<'_>, recording: &mut Recording, params: &RoundParams, stages: u32) {
+        if self.unfolds_alone {
+            let params = RoundParams { flags: params.flags | BEGINS, page: stages, ..*params };
+            self.record_head(of, recording, "unfold", &params);
+            return;
+        }
         self.record_page(of, recording, params, BEGIN);
         for _ in 0..stages {
-            self.record_unfold(of, recording, params);
+            self.record_select(of, recording, "unfold", params);
             self.record_page(of, recording, &RoundParams { flags: 0, ..*params }, CLOSE);
         }
     }
@@ -72,26 +135,59 @@ impl Lists {
         of.moves.record_page(recording, "select", &RoundParams { page, ..*params }, &self.fringe);
     }
 
-    fn record_unfold(&self, of: Of<'_>, recording: &mut Recording, params: &RoundParams) {
-        let Self { keys, pool, fringe, .. } = self;
+    /// Records that the pool is empty and unfolds the top of the tree until the pool is full, in so many stages at the most; then the first nodes of the
+    /// top go to `top`, as many as it has room for.
+    pub(super) fn record_top(
+        &self,
+        of: Of<'_>,
+        recording: &mut Recording,
+        params: &RoundParams,
+        stages: u32,
+        top: &Buffer,
+    ) {
+        self.record_begin(of, recording, &RoundParams { flags: LISTS, ..*params }, stages);
+        self.record_more_of_top(of, recording, 0, top);
+    }
+
+    /// The same of the nodes from `first` on, of a top that has been unfolded.
+    pub(super) fn record_more_of_top(&self, of: Of<'_>, recording: &mut Recording, first: u32, top: &Buffer) {
+        let params = TopParams { count: top.length as u32, first };
+        let buffers = [of.nodes, &self.list, &of.moves.books, top];
+        recording.dispatch("read top", Kernel::WorstTop, params.count, &params, &buffers);
+        recording.fetch("read top", top, top.bytes() as usize);
+    }
+
+    fn record_select(&self, of: Of<'_>, recording: &mut Recording, label: &'static str, params: &RoundParams) {
+        let Self { keys, pool, fringe, list, .. } = self;
         let books = &of.moves.books;
-        let buffers = [of.nodes, keys, fringe, pool, books];
-        recording.dispatch_counted("unfold", Kernel::WorstUnfold, params.count, params, &buffers, books, OVER_FRINGE);
+        let buffers = [of.nodes, keys, pool, list, fringe, books];
+        // Chunks of the pool, and the fringe.
+        let params = RoundParams { count: params.count.saturating_mul(2), ..*params };
+        recording.dispatch_counted(label, Kernel::WorstSelect, params.count, &params, &buffers, books, OVER_BOTH);
+    }
+
+    fn record_head(&self, of: Of<'_>, recording: &mut Recording, label: &'static str, params: &RoundParams) {
+        let Self { keys, pool, fringe, list, .. } = self;
+        let params = RoundParams { count: 1, ..*params };
+        let buffers = [of.nodes, keys, fringe, pool, list, &of.moves.books, &of.moves.report];
+        recording.dispatch(label, Kernel::WorstHead, 1, &params, &buffers);
     }
 
     /// Records a round.
     pub(super) fn record_round(&self, of: Of<'_>, recording: &mut Recording, params: &RoundParams, trial: &Trial) {
-        let Self { keys, pool, fringe, list } = self;
+        let Self { keys, pool, fringe, list, .. } = self;
         let Of { nodes, ways, moves } = of;
         let (books, found, report) = (&moves.books, &moves.found, &moves.report);
-        let over_pool = |recording: &mut Recording, kernel, buffers: &[&Buffer]| {
-            recording.dispatch_counted("select", kernel, params.count, params, buffers, books, OVER_POOL);
-        };
-        over_pool(recording, Kernel::WorstCount, &[pool, keys, books]);
-        self.record_page(of, recording, params, WORST);
-        over_pool(recording, Kernel::WorstSelect, &[keys, pool, list, books]);
-        self.record_unfold(of, recording, params);
-        self.record_page(of, recording, params, LIST);
+        let is_small = params.wanted <= self.small;
+        if is_small {
+            self.record_head(of, recording, "select", &RoundParams { flags: params.flags | COMES_FIRST, ..*params });
+        } else {
+            let buffers = [pool, keys, books];
+            recording.dispatch_counted("select", Kernel::WorstCount, params.count, params, &buffers, books, OVER_POOL);
+            self.record_head(of, recording, "select", params);
+            let selects = RoundParams { flags: params.flags | SELECTS, ..*params };
+            self.record_select(of, recording, "select", &selects);
+        }
 
         let dual = DualParams {
             count: params.count,
@@ -103,6 +199,13 @@ impl Lists {
         };
         let buffers = [nodes, list, found, keys, books, report];
         recording.dispatch_counted("search", Kernel::DualSearch, dual.count, &dual, &buffers, books, OVER_LIST);
+        let lock_rounds = trial.lock_rounds.max(1);
+        if is_small && let Some(locks) = moves.word_locks() {
+            let params = RoundParams { count: 1, page: lock_rounds, ..*params };
+            let buffers = [found, nodes, locks, &moves.kept, ways, keys, fringe, pool, books, report];
+            recording.dispatch("reinsert", Kernel::WorstTail, 1, &params, &buffers);
+            return;
+        }
         let params_of_moves = PrbvhParams {
             count: params.count,
             mu: 1,
@@ -112,7 +215,7 @@ impl Lists {
             row: params.row,
             scale: params.scale,
         };
-        moves.record_lock_rounds(recording, &params_of_moves, trial.lock_rounds);
+        moves.record_lock_rounds(recording, &params_of_moves, lock_rounds);
         moves.record_reinsert(recording, &params_of_moves);
         let buffers = [found, nodes, ways, keys, fringe, books, report];
         moves.dispatch(recording, "refit", Kernel::WorstMark, &params_of_moves, &buffers);
@@ -120,4 +223,9 @@ impl Lists {
         moves.dispatch(recording, "refit", Kernel::WorstRefit, &params_of_moves, &buffers);
         self.record_page(of, recording, params, CLOSE);
     }
+}
+
+/// Room for so many nodes of a top.
+pub(super) fn top_buffer(device: &mut dyn Device, scratch: &mut Scratch, nodes: u32) -> Result<Buffer, DeviceError> {
+    scratch.allocate(device, "top", nodes.max(1) as usize, size_of::<TopNode>())
 }

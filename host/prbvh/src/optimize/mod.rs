@@ -19,7 +19,9 @@ mod reoptimize;
 mod rotations;
 mod row;
 mod schedule;
+mod search;
 mod session;
+mod side_by_side;
 mod worst_first;
 #[cfg(feature = "serde")]
 mod written;
@@ -32,6 +34,7 @@ pub use error::OptimizeError;
 pub use insertion::{InsertionSettings, OnlineSettings, insertion, online};
 pub(crate) use insertion::{insertion_until, online_until};
 pub use limits::{Limits, StopReason};
+pub(crate) use lists::later_kernels;
 pub use moves::Strategy;
 #[doc(hidden)]
 pub use prbvh::prbvh_unchecked;

@@ -3,7 +3,7 @@
 use crate::build::{DeviceTree, Scratch};
 use crate::device::{Buffer, Device, DeviceError, Recording};
 use prbvh_kernel::Kernel;
-use prbvh_kernel::kept::{Kept, RestoreParams};
+use prbvh_kernel::kept::{GraftParams, Kept, RestoreParams};
 use prbvh_kernel::prbvh::worst::RoundParams;
 use prbvh_kernel::prbvh::worst::books::{BOOKS_WORDS, OVER_LIST};
 use prbvh_kernel::prbvh::{LAST, Move, PrbvhParams, ROUNDS, SECOND_WORD};
@@ -90,6 +90,14 @@ impl Moves {
         }
     }
 
+    /// The locks, if they are of one word.
+    pub(super) fn word_locks(&self) -> Option<&Buffer> {
+        match &self.locks {
+            Locks::Word(locks) => Some(locks),
+            Locks::Words { .. } => None,
+        }
+    }
+
     /// Records a dispatch over the moves, as many as the books list.
     pub(super) fn dispatch(
         &self,
@@ -124,7 +132,6 @@ impl Moves {
 
     /// Records several locks and checks over the same tree; all nodes are free afterwards.
     pub(super) fn record_lock_rounds(&self, recording: &mut Recording, params: &PrbvhParams, rounds: u32) {
-        let rounds = rounds.max(1);
         for round in 1..=rounds {
             let last = if round == rounds { LAST } else { 0 };
             self.record_lock(recording, &PrbvhParams { flags: params.flags | ROUNDS | last, ..*params });
@@ -149,9 +156,10 @@ impl Moves {
         recording.dispatch(label, Kernel::WorstBooks, 1, &params, &[&self.books, fringe, &self.report]);
     }
 
-    /// Other children for [`Moves::record_restore`] than those of the best tree.
-    pub(super) fn replace_kept(&self, device: &mut dyn Device, kept: &[Kept]) -> Result<(), DeviceError> {
-        device.upload(&self.kept, bytemuck::cast_slice(kept))
+    /// Records that nodes get other children, without their boxes.
+    pub(super) fn record_graft(&self, recording: &mut Recording, grafts: &Buffer) {
+        let params = GraftParams { count: grafts.length as u32 };
+        recording.dispatch("graft", Kernel::KeptGraft, params.count, &params, &[grafts, &self.nodes]);
     }
 
     /// Records that the best tree comes back, without its boxes.

@@ -6,7 +6,7 @@ use super::moves::Moves;
 use super::pace::Pace;
 use super::{IterationRow, Limits, StopReason, set_relative_errors};
 use crate::build::{DeviceTree, Scratch};
-use crate::device::{Device, DeviceError, Recording, Timing};
+use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
 use prbvh_kernel::prbvh::worst::books::EPOCH;
 use prbvh_kernel::status::{
     APPLIED, FAULT_BROKEN_TREE, FAULT_SEARCH_STEPS, FAULT_TREELET, FAULTS, FOUND, GOES_ON, MOST_STEPS, MU, OWNED,
@@ -91,6 +91,8 @@ pub(super) struct Session<'a> {
     start: Instant,
     timings: Vec<Timing>,
     device_s: f64,
+    /// Number of the best tree.
+    epoch: u32,
 }
 
 impl<'a> Session<'a> {
@@ -115,6 +117,7 @@ impl<'a> Session<'a> {
             start: Instant::now(),
             timings: Vec::new(),
             device_s: 0.0,
+            epoch: 0,
         })
     }
 
@@ -125,16 +128,31 @@ impl<'a> Session<'a> {
         areas: Option<TreeAreas>,
         mu: u32,
     ) -> Result<TreeAreas, DeviceError> {
-        let areas = match areas {
-            Some(areas) => areas,
+        match areas {
+            Some(areas) => Ok(self.begin_with(areas, mu)),
             None => {
                 let (areas, timings) = self.measure.refitted_areas(device)?;
                 self.take_note(timings);
-                let report = self.report(device)?;
-                no_fault(device, report[FAULTS])?;
-                areas
+                self.no_fault(device)?;
+                Ok(self.begin_with(areas, mu))
             }
-        };
+        }
+    }
+
+    /// Records that the tree is refitted and measured.
+    pub(super) fn record_begin(&mut self, recording: &mut Recording) {
+        self.measure.record_refit(recording);
+        self.measure.record_areas(recording);
+    }
+
+    /// Makes row 0 of a tree that has been measured.
+    pub(super) fn begin_measured(&mut self, device: &mut dyn Device, mu: u32) -> Result<TreeAreas, DeviceError> {
+        let areas = self.measure.read_areas(device)?;
+        self.no_fault(device)?;
+        Ok(self.begin_with(areas, mu))
+    }
+
+    fn begin_with(&mut self, areas: TreeAreas, mu: u32) -> TreeAreas {
         self.rows.push(IterationRow {
             mu,
             time_s: self.elapsed_s(),
@@ -142,7 +160,7 @@ impl<'a> Session<'a> {
             cost: areas.cost(self.tree.references),
             ..IterationRow::default()
         });
-        Ok(areas)
+        areas
     }
 
     pub(super) fn elapsed_s(&self) -> f64 {
@@ -169,27 +187,34 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Submits several iterations, of which each ends before a command in `ends`; returns the row of the report of each that was made, and when it ended.
-    fn submit_rows(
+    /// Records that the host reads the reports of so many iterations, and the number of the best tree.
+    pub(super) fn record_reports(&self, recording: &mut Recording, iterations: usize) {
+        recording.fetch("search", &self.moves.report, 4 * REPORT_WORDS as usize * iterations);
+        recording.fetch("search", &self.moves.books, 4 * (EPOCH + 1));
+    }
+
+    /// Reads the reports of iterations that began at `start`, took `timings`, and of which each ends before one of these in `ends`; returns the row of the report
+    /// of each that was made, and when it ended.
+    fn read_rows(
         &mut self,
         device: &mut dyn Device,
-        mut recording: Recording,
+        start: Clock,
+        timings: &[Timing],
         ends: &[usize],
     ) -> Result<Vec<(Report, Clock)>, DeviceError> {
-        let (before, device_before) = (self.elapsed_s(), self.device_s);
+        let Clock { time_s: before, device_s: device_before } = start;
         let mut words = vec![0u32; REPORT_WORDS as usize * ends.len()];
-        recording.fetch("search", &self.moves.report, 4 * words.len());
-        // For whoever restores the best tree after these.
-        recording.fetch("search", &self.moves.books, 4 * (EPOCH + 1));
-        let timings = device.run(&recording)?;
         device.download(&self.moves.report, bytemuck::cast_slice_mut(&mut words))?;
+        let mut books = [0u32; EPOCH + 1];
+        device.download(&self.moves.books, bytemuck::cast_slice_mut(&mut books))?;
+        self.epoch = books[EPOCH];
         // Those after the end of the rounds were not made.
         let (rows, _) = words.as_chunks();
         let made = rows.iter().position(|row: &Report| row[VERDICT] != GOES_ON).map_or(rows.len(), |last| last + 1);
         let ends = &ends[..made];
         let passed = self.elapsed_s() - before;
         let device_s = |commands: &[Timing]| commands.iter().map(|timing| timing.seconds).sum::<f64>();
-        let all = device_s(&timings);
+        let all = device_s(timings);
         let rows = rows.iter().zip(ends).enumerate();
         let rows = rows.map(|(k, (&report, &end))| {
             let part = device_s(timings.get(..end).unwrap_or_default());
@@ -198,20 +223,20 @@ impl<'a> Session<'a> {
             (report, Clock { time_s: before + share * passed, device_s: device_before + part })
         });
         let rows = rows.collect();
-        self.take_note(timings);
+        self.take_note(timings.to_vec());
         Ok(rows)
     }
 
     /// The time now.
-    fn clock(&self) -> Clock {
+    pub(super) fn clock(&self) -> Clock {
         Clock { time_s: self.elapsed_s(), device_s: self.device_s }
     }
 
-    /// The first row of the report.
-    fn report(&self, device: &mut dyn Device) -> Result<Report, DeviceError> {
+    /// Sees to it that the first row of the report has no fault.
+    fn no_fault(&self, device: &mut dyn Device) -> Result<(), DeviceError> {
         let mut report = Report::default();
         device.download(&self.moves.report, bytemuck::cast_slice_mut(&mut report))?;
-        Ok(report)
+        no_fault(device, report[FAULTS])
     }
 
     /// Adds the row of a round.
@@ -240,14 +265,31 @@ impl<'a> Session<'a> {
     pub(super) fn run_rounds(
         &mut self,
         device: &mut dyn Device,
-        recording: Recording,
+        mut recording: Recording,
+        ends: &[usize],
+        of: (&mut Ledger, &mut Pace),
+        observe: Observe<'_>,
+    ) -> Result<Made, DeviceError> {
+        let start = self.clock();
+        self.record_reports(&mut recording, ends.len());
+        let timings = device.run(&recording)?;
+        self.note_rounds(device, start, &timings, ends, of, observe)
+    }
+
+    /// Takes note of the rounds of a submission of which those were made that came before the end: they began at `start`, took `timings`, and each ends before
+    /// one of these in `ends`.
+    pub(super) fn note_rounds(
+        &mut self,
+        device: &mut dyn Device,
+        start: Clock,
+        timings: &[Timing],
         ends: &[usize],
         (ledger, pace): (&mut Ledger, &mut Pace),
         observe: Observe<'_>,
     ) -> Result<Made, DeviceError> {
-        let (first, start) = (self.rows.len(), Instant::now());
-        let reports = self.submit_rows(device, recording, ends)?;
-        pace.note(reports.len(), start.elapsed().as_secs_f64());
+        let first = self.rows.len();
+        let reports = self.read_rows(device, start, timings, ends)?;
+        pace.note(reports.len(), self.elapsed_s() - start.time_s);
         let mut verdict = GOES_ON;
         for (report, clock) in reports {
             no_fault(device, report[FAULTS])?;
@@ -284,19 +326,24 @@ impl<'a> Session<'a> {
         self.rows.push(row);
     }
 
-    /// Records that the children come back that were kept under a number, with all boxes made anew.
-    pub(super) fn record_restore(&mut self, recording: &mut Recording, epoch: u32) {
-        self.moves.record_restore(recording, self.internal, epoch);
+    /// Records that the best tree comes back, with all boxes made anew: that of the rounds of which was taken note last.
+    pub(super) fn record_restore(&mut self, recording: &mut Recording) {
+        self.moves.record_restore(recording, self.internal, self.epoch);
+        self.measure.record_refit(recording);
+        self.measure.record_no_arrivals(recording);
+    }
+
+    /// Records that nodes get other children, with all boxes made anew.
+    pub(super) fn record_graft(&mut self, recording: &mut Recording, grafts: &Buffer) {
+        self.moves.record_graft(recording, grafts);
         self.measure.record_refit(recording);
         self.measure.record_no_arrivals(recording);
     }
 
     /// Brings the best tree back, with all boxes made anew.
     pub(super) fn restore_best(&mut self, device: &mut dyn Device) -> Result<(), DeviceError> {
-        let mut words = [0u32; EPOCH + 1];
-        device.download(&self.moves.books, bytemuck::cast_slice_mut(&mut words))?;
         let mut recording = Recording::new();
-        self.record_restore(&mut recording, words[EPOCH]);
+        self.record_restore(&mut recording);
         self.submit(device, &recording)
     }
 
@@ -308,8 +355,7 @@ impl<'a> Session<'a> {
         self.measure.record_internal(&mut recording);
         recording.fetch("refit", &self.moves.report, size_of::<Report>());
         self.submit(device, &recording)?;
-        let report = self.report(device)?;
-        no_fault(device, report[FAULTS])
+        self.no_fault(device)
     }
 
     /// Gives the memory back.

@@ -4,7 +4,9 @@ use super::{Omission, PhaseBytes};
 use crate::build::{self, Codes, DeviceTree};
 use crate::collapse;
 use crate::device::{Buffer, Command, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing, Traffic};
-use crate::optimize::{Limits, PrbvhSettings, RotationSettings, prbvh_unchecked, rotations_unchecked};
+use crate::optimize::{
+    Limits, Order, PrbvhSettings, RotationSettings, later_kernels, prbvh_unchecked, rotations_unchecked,
+};
 use crate::presplit;
 use crate::settings::Initial;
 use crate::trace::TraceScene;
@@ -136,6 +138,9 @@ impl DryDevice {
     ) -> Result<(), DeviceError> {
         let tree = self.tree(triangles)?;
         let settings = PrbvhSettings { limits: Limits::iterations(iterations), ..settings };
+        if settings.order == Order::WorstFirst && iterations > 0 && tree.references > 1 {
+            self.kernels.extend(later_kernels(&self.info, tree.references - 1, &settings.worst_first));
+        }
         let outcome = prbvh_unchecked(self, &tree, None, &settings, &mut |_, _, _| ControlFlow::Continue(()))?;
         self.iterations = outcome.rows.len() as u64 - 1;
         tree.free(self);
@@ -256,4 +261,86 @@ pub(super) fn saving(without: &Taken, with: &Taken) -> super::Saving {
 pub(super) fn codes_with(enough: Codes, asked: Codes, keep: &[Omission]) -> Codes {
     let bits = if keep.contains(&Omission::LowerCodes) { asked.bits } else { enough.bits };
     if keep.contains(&Omission::EqualBits) { Codes { bits, ..asked } } else { Codes { bits, ..enough } }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::MortonBits;
+    use crate::device::DeviceKind;
+    use bytemuck::Zeroable;
+
+    const GIB: u64 = 1 << 30;
+
+    /// A GPU as many have.
+    fn of_8_gib() -> DeviceInfo {
+        let info = DeviceInfo::new("of 8 GiB", DeviceKind::VulkanGpu);
+        DeviceInfo {
+            atomics_64: true,
+            busy_invocations: 1 << 16,
+            max_buffer_bytes: 2 * GIB - 1,
+            max_buffer_limit: "maxStorageBufferRange",
+            memory_bytes: 8 * GIB,
+            ..info
+        }
+    }
+
+    /// What stages take over so many triangles.
+    fn phases(triangles: usize) -> Vec<PhaseBytes> {
+        let info = of_8_gib();
+        // Nobody reads them.
+        let zeros = vec![Triangle::zeroed(); triangles];
+        let phase = |name: &str, stage: &dyn Fn(&mut DryDevice) -> Result<(), DeviceError>| {
+            let mut dry = DryDevice::new(&info);
+            stage(&mut dry).unwrap();
+            dry.phase(name.to_owned(), true)
+        };
+        let codes = Codes::from(MortonBits::Sixty);
+        let initials = [
+            Initial::Lbvh,
+            Initial::Ploc { radius: crate::build::DEFAULT_RADIUS },
+            Initial::Hploc { radius: crate::build::DEFAULT_HPLOC_RADIUS },
+            #[cfg(feature = "atrbvh")]
+            Initial::Atrbvh { treelet: crate::build::TreeletSize::DEFAULT },
+        ];
+        let mut phases: Vec<PhaseBytes> =
+            initials.iter().map(|initial| phase(&initial.method(), &|dry| dry.build(initial, codes, &zeros))).collect();
+        for settings in [PrbvhSettings::default(), PrbvhSettings::published()] {
+            let name = settings.order.to_string();
+            phases.push(phase(&name, &|dry| dry.optimize(triangles, settings.clone(), 1)));
+        }
+        phases.push(phase("collapse", &|dry| dry.collapse(triangles)));
+        phases.push(phase("trace", &|dry| dry.trace(triangles)));
+        phases.push(phase("presplit", &|dry| dry.presplit(triangles, triangles + triangles / 5)));
+        phases
+    }
+
+    #[test]
+    fn twenty_million_triangles_fit_into_8_gib() {
+        let triangles = 20_000_000;
+        for phase in phases(triangles) {
+            println!("{}: {} bytes a triangle", phase.phase, phase.peak_bytes / triangles as u64);
+            phase.check(&of_8_gib(), triangles).unwrap();
+            // The driver and a picture want some, too.
+            assert!(2 * phase.peak_bytes < 8 * GIB, "{phase:?}");
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused_by_the_name_of_the_limit() {
+        let info = of_8_gib();
+        let mut phases = phases(50_000_000);
+        // Presplitting has no tree.
+        phases.pop();
+        let refused = |info: &DeviceInfo| -> Vec<String> {
+            phases.iter().map(|phase| phase.check(info, 50_000_000).unwrap_err().to_string()).collect()
+        };
+        for error in refused(&info) {
+            assert!(error.contains("needs maxStorageBufferRange of at least"), "{error}");
+        }
+        let large = DeviceInfo { max_buffer_bytes: 64 * GIB, memory_bytes: 4 * GIB, ..info };
+        for error in refused(&large) {
+            assert!(error.contains("needs device memory of at least"), "{error}");
+        }
+    }
 }

@@ -1,4 +1,4 @@
-//! What one invocation does between the dispatches of many: lengths of lists, the worst keys, the sum of the areas, whether there is another round.
+//! What one invocation does between the dispatches of many: lengths of lists, the sum of the areas, whether there is another round.
 //!
 //! Kind: a single invocation, on one of the [pages](RoundParams::page).
 
@@ -6,10 +6,9 @@ use super::RoundParams;
 use super::verdict;
 pub use super::words::*;
 use super::words::{list_in_turn, run_over};
-use crate::math::{umax, umin};
-use crate::mem::{AtomicU32, Slot};
+use crate::mem::AtomicU32;
 use crate::node::ROOT;
-use crate::status::{self, FAULT_BROKEN_TREE, FAULTS, FRINGE, GREW, MARKED, REFITTED, SEARCHED, SHRUNK, WAITING};
+use crate::status::{self, FAULT_BROKEN_TREE, FAULTS, FRINGE, GREW, MARKED, REFITTED, SHRUNK};
 use crate::sum::Sum;
 
 /// Nodes of the pool that one invocation looks at.
@@ -20,20 +19,21 @@ pub const MOST_STAGES: u32 = 24;
 
 /// Page on which a run begins, or begins again: an empty pool, and the root is the fringe.
 pub const BEGIN: u32 = 0;
-/// Page after the count.
-pub const WORST: u32 = 1;
-/// Page after the selection.
-pub const LIST: u32 = 2;
 /// Page at the end of a round.
-pub const CLOSE: u32 = 3;
+pub const CLOSE: u32 = 1;
 /// Page of a new best tree that others have measured.
-pub const BEST: u32 = 4;
+pub const BEST: u32 = 2;
 /// Page on which rounds that have ended go on.
-pub const RESUME: u32 = 5;
+pub const RESUME: u32 = 3;
+
+/// A [flag](RoundParams::flags): nodes are selected.
+pub const SELECTS: u32 = 8;
+/// Nodes that get their keys are listed.
+pub const LISTS: u32 = 16;
 
 /// Writes the page `params.page`.
 #[inline(always)]
-pub fn books(params: &RoundParams, books: &[AtomicU32], fringe: &[Slot<u32>], report: &[AtomicU32]) {
+pub fn books(params: &RoundParams, books: &[AtomicU32], fringe: &[AtomicU32], report: &[AtomicU32]) {
     if params.page == BEGIN {
         begin(params, books, fringe);
     } else if params.page == RESUME {
@@ -41,15 +41,8 @@ pub fn books(params: &RoundParams, books: &[AtomicU32], fringe: &[Slot<u32>], re
     } else if params.page == BEST {
         Sum::load(books, LOST).store(books, MOST_LOST);
         books[EPOCH].add(1);
-    } else if books[STOPPED].load() != 0 {
+    } else if books[STOPPED].load() == 0 {
         // Nothing follows the end.
-    } else if params.page == WORST {
-        worst(params, books, report);
-    } else if params.page == LIST {
-        let length = books[LIST_LENGTH].load();
-        run_over(books, OVER_LIST, length);
-        report[params.row as usize + SEARCHED].store(length);
-    } else {
         close(params, books, report);
     }
 }
@@ -66,13 +59,14 @@ pub(super) fn thinning(length: u32) -> u32 {
 }
 
 #[inline(always)]
-fn begin(params: &RoundParams, books: &[AtomicU32], fringe: &[Slot<u32>]) {
+pub(super) fn begin(params: &RoundParams, books: &[AtomicU32], fringe: &[AtomicU32]) {
     for word in 0..EPOCH as u32 {
         books[word as usize].store(0);
     }
     if books[EPOCH].load() == 0 {
         books[EPOCH].store(1);
     }
+    run_over(books, OVER_LIST, 0);
     books[IDLE].store(0);
     books[HAS_FOUND].store(0);
     books[STOPPED].store(0);
@@ -83,10 +77,10 @@ fn begin(params: &RoundParams, books: &[AtomicU32], fringe: &[Slot<u32>]) {
     list_in_turn(params, books);
     // A tree of one node has no fringe.
     if params.places() > 0 {
-        fringe[0].set(ROOT);
+        fringe[0].store(ROOT);
         books[FRINGE_LENGTH].store(1);
         books[UNFOLDS].store(1);
-        run_over(books, OVER_FRINGE, 1);
+        run_over(books, OVER_BOTH, 1);
     }
 }
 
@@ -97,57 +91,20 @@ fn resume(params: &RoundParams, books: &[AtomicU32]) {
     list_in_turn(params, books);
     let unfolds = books[UNFOLDS].load() != 0;
     let fringe = books[FRINGE_LENGTH + books[FRINGE_SIDE].load() as usize].load();
-    run_over(books, OVER_FRINGE, if unfolds { fringe } else { 0 });
-    run_over(books, OVER_POOL, books[POOL_LENGTH + books[POOL_SIDE].load() as usize].load().div_ceil(CHUNK));
+    let pool = books[POOL_LENGTH + books[POOL_SIDE].load() as usize].load();
+    run_over_pool(books, pool, if unfolds { fringe } else { 0 });
 }
 
-/// Finds the bucket down to which keys are among the worst; empties the histogram.
+/// Has dispatches run over a pool of so many nodes, and a fringe of so many that unfold.
 #[inline(always)]
-fn worst(params: &RoundParams, books: &[AtomicU32], report: &[AtomicU32]) {
-    let thinning = thinning(books[POOL_LENGTH + books[POOL_SIDE].load() as usize].load());
-    let mut above = 0u32;
-    let mut bucket = 0u32;
-    let mut inside = 0u32;
-    let mut is_found = false;
-    for k in 0..BUCKETS {
-        let b = BUCKETS - 1 - k;
-        let keys = books[HISTOGRAM + b as usize].load() << thinning;
-        books[HISTOGRAM + b as usize].store(0);
-        if !is_found {
-            if above + keys >= params.wanted {
-                is_found = true;
-                bucket = b;
-                inside = keys;
-            } else {
-                above += keys;
-            }
-        }
-    }
-    let mut part = CELLS;
-    if is_found && inside > params.wanted {
-        // A part of a crowd, and not so small a one that there might be nobody in it.
-        let mut room = umax(params.wanted - above, params.wanted / 2);
-        let mut keys = inside;
-        // Both without their last digits if the product would not fit.
-        while keys >= 1 << 22 {
-            room >>= 1;
-            keys >>= 1;
-        }
-        part = umin((room * CELLS).div_ceil(keys), CELLS);
-    }
-    report[params.row as usize + WAITING].store(above + inside);
-    books[BUCKET].store(bucket);
-    // The next part of the circle, so that everybody's turn comes.
-    books[TURN].store((books[TURN].load() + books[PART].load()) % CELLS);
-    books[PART].store(part);
-    books[LIST_LENGTH].store(0);
-    let side = books[POOL_SIDE].load() ^ 1;
-    books[POOL_SIDE].store(side);
-    books[POOL_LENGTH + side as usize].store(0);
+fn run_over_pool(books: &[AtomicU32], pool: u32, fringe: u32) {
+    let chunks = pool.div_ceil(CHUNK);
+    run_over(books, OVER_POOL, chunks);
+    run_over(books, OVER_BOTH, chunks + fringe);
 }
 
 #[inline(always)]
-fn close(params: &RoundParams, books: &[AtomicU32], report: &[AtomicU32]) {
+pub(super) fn close(params: &RoundParams, books: &[AtomicU32], report: &[AtomicU32]) {
     let row = params.row as usize;
     let lost = Sum::load(books, LOST).plus(Sum::load(report, row + SHRUNK)).minus(Sum::load(report, row + GREW));
     lost.store(books, LOST);
@@ -172,13 +129,12 @@ fn close(params: &RoundParams, books: &[AtomicU32], report: &[AtomicU32]) {
     if unfolds && books[STAGE].load() < MOST_STAGES {
         books[STAGE].add(1);
     }
-    run_over(books, OVER_FRINGE, if unfolds { fringe } else { 0 });
-    run_over(books, OVER_POOL, pool.div_ceil(CHUNK));
+    run_over_pool(books, pool, if unfolds { fringe } else { 0 });
     report[row + FRINGE].store(fringe);
     if params.has(verdict::JUDGES) && verdict::judge(params, lost, books, report) {
         books[STOPPED].store(1);
         run_over(books, OVER_POOL, 0);
-        run_over(books, OVER_FRINGE, 0);
+        run_over(books, OVER_BOTH, 0);
         run_over(books, OVER_LIST, 0);
     }
 }

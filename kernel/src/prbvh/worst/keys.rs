@@ -3,7 +3,7 @@
 //! A key is the bits of the measure with two of them put to other use: the sign says that the node is tired, the last digit that it is in the pool.
 
 use crate::math::{max, min, reciprocal};
-use crate::mem::{AtomicU32, Slot};
+use crate::mem::AtomicU32;
 
 /// Nobody has looked at the node.
 pub const COLD: u32 = 0;
@@ -63,10 +63,10 @@ pub fn measure_of(key: u32) -> u32 {
 
 /// Two sides of `places` places, of which one is filled; its length is a word of the books.
 #[inline(always)]
-pub fn push(list: &[Slot<u32>], places: u32, side: u32, length: &AtomicU32, v: u32) {
+pub fn push(list: &[AtomicU32], places: u32, side: u32, length: &AtomicU32, v: u32) {
     let place = length.add(1);
     // A list has room for every internal node once. Beyond it there is nothing to write.
     if place < places {
-        list[(side * places + place) as usize].set(v);
+        list[(side * places + place) as usize].store(v);
     }
 }

@@ -18,22 +18,25 @@
 //! | dispatch | what it does |
 //! |---|---|
 //! | `worst_count` | a histogram of the keys in the pool |
-//! | `worst_books` | which keys are among the worst `k` |
-//! | `worst_select` | the worst go on the list, the tired leave the pool |
-//! | `worst_unfold` | if the pool is low |
+//! | `worst_head` | which keys are among the worst `k` |
+//! | `worst_select` | the worst go on the list, the tired leave the pool; if it is low the fringe unfolds |
 //! | `dual_search` | a move for each node on the list, or it is tired |
 //! | `prbvh_lock`, `prbvh_check` | several times over |
 //! | `prbvh_reinsert` | the winners |
 //! | `worst_mark`, `worst_refit` | boxes and keys above them |
 //! | `worst_books` | the sum of the areas, whether it is the lowest so far, how long the lists are |
 //!
+//! Where few nodes are searched, `worst_head` does all that comes before the search, and `worst_tail` all that comes after it ([`group`]).
+//!
 //! Lists are filled through a common counter, so that their order differs from run to run. Nothing depends on it: what is on a list does not, no node is on a list
 //! twice, locks know moves by their nodes, and sums have no order ([`crate::sum`]).
 
 pub mod books;
+pub mod group;
 pub mod keys;
 pub mod refit;
 pub mod select;
+pub mod top;
 pub mod unfold;
 pub mod verdict;
 mod words;
@@ -42,6 +45,7 @@ use super::Move;
 use super::dual::search::{self, DualParams};
 use crate::mem::{AtomicU32, Slot};
 use crate::node::{NO_NODE, WideNode};
+use crate::status::SEARCHED;
 use bytemuck::{Pod, Zeroable};
 
 /// Push constants of the kernels of a round.
@@ -58,7 +62,7 @@ pub struct RoundParams {
     pub scale: f32,
     /// The word of the report with which the row of the round begins.
     pub row: u32,
-    /// Of [`books`]: which page.
+    /// Of [`books`]: which page. Of [`group`]: how many stages unfold, or how many rounds of locks there are.
     pub page: u32,
     /// Nodes to search in the round.
     pub wanted: u32,
@@ -66,7 +70,7 @@ pub struct RoundParams {
     pub pool: u32,
     /// Of the published order: every `mu`-th node is searched at first; 0 in the other.
     pub mu: u32,
-    /// Of [`verdict`]: [`JUDGES`](verdict::JUDGES) and the like.
+    /// Of [`verdict`], [`books`] and [`group`]: [`JUDGES`](verdict::JUDGES) and the like.
     pub flags: u32,
     /// A round that searches as many nodes counts where it makes no progress.
     pub broad: u32,
@@ -113,7 +117,11 @@ pub fn search(
     report: &[AtomicU32],
 ) {
     let mut best = Move::NONE;
-    if i < books[books::LIST_LENGTH].load() {
+    let length = books[books::LIST_LENGTH].load();
+    if i == 0 {
+        report[params.row as usize + SEARCHED].store(length);
+    }
+    if i < length {
         let input = list[i as usize];
         best = search::search(input, params, nodes, report);
         if best.output == NO_NODE {

@@ -5,7 +5,7 @@
 use super::books::{FRINGE_LENGTH, FRINGE_SIDE, POOL_LENGTH, POOL_SIDE, UNFOLDS};
 use super::keys::{COLD, IN_POOL, ON_FRINGE, STALE, fresh, measure, measure_of, push, waits};
 use crate::mem::{AtomicU32, Slot};
-use crate::node::{AtomicNode, Links, NO_NODE, Node, ROOT};
+use crate::node::{AtomicNode, Links, NO_NODE, ROOT};
 use crate::prbvh::{Move, PrbvhParams, paths};
 
 /// Invocation `i` marks the ways up from the move `found[i]`, and sees to it that the nodes whose children changed get new keys. Those at which nobody has
@@ -14,14 +14,14 @@ use crate::prbvh::{Move, PrbvhParams, paths};
 /// `ways[n-1]`; writes `keys[n-1]` and `fringe[2(n-1)]`.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "a parameter for each buffer")]
-pub fn mark(
+pub fn mark<T: Links + ?Sized>(
     i: u32,
     params: &PrbvhParams,
     found: &[Slot<Move>],
-    nodes: &[Node],
+    nodes: &T,
     ways: &[AtomicU32],
     keys: &[AtomicU32],
-    fringe: &[Slot<u32>],
+    fringe: &[AtomicU32],
     books: &[AtomicU32],
     report: &[AtomicU32],
 ) {
@@ -67,7 +67,7 @@ pub fn refit(
     nodes: &[AtomicNode],
     ways: &[AtomicU32],
     keys: &[AtomicU32],
-    pool: &[Slot<u32>],
+    pool: &[AtomicU32],
     books: &[AtomicU32],
     report: &[AtomicU32],
 ) {

@@ -3,7 +3,7 @@
 //! Kind: walks from the nodes of the fringe. More than one may come to a node: the first to exchange its key decides, and all would do the same.
 
 use super::RoundParams;
-use super::books::{FRINGE_LENGTH, FRINGE_SIDE, MOST_STAGES, POOL_LENGTH, POOL_SIDE, STAGE, UNFOLDS};
+use super::books::{FRINGE_LENGTH, FRINGE_SIDE, LISTS, MOST_STAGES, POOL_LENGTH, POOL_SIDE, STAGE, UNFOLDS, list_more};
 use super::keys::{COLD, IN_POOL, ON_FRINGE, fresh, measure, push, waits};
 use crate::math::umin;
 use crate::mem::{AtomicU32, Slot};
@@ -14,7 +14,7 @@ const MAX_STEPS: u32 = 4096;
 
 /// Invocation `i` walks below its node of the fringe through all nodes of more than the area of the stage: those without a key get one and go into the
 /// pool. Where the area is less, the walk ends at the first node without a key, which goes on the other side of the fringe. Reads `nodes[2n-1]`; reads and
-/// writes `keys[n-1]`, `fringe[2(n-1)]`, `pool[2(n-1)]`.
+/// writes `keys[n-1]`, `fringe[2(n-1)]`, `pool[2(n-1)]`, and with [`LISTS`] every node that gets a key to `list[n-1]`.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "a parameter for each buffer")]
 pub fn unfold(
@@ -22,8 +22,9 @@ pub fn unfold(
     params: &RoundParams,
     nodes: &[WideNode],
     keys: &[AtomicU32],
-    fringe: &[Slot<u32>],
-    pool: &[Slot<u32>],
+    fringe: &[AtomicU32],
+    pool: &[AtomicU32],
+    list: &[Slot<u32>],
     books: &[AtomicU32],
 ) {
     let places = params.places();
@@ -31,7 +32,7 @@ pub fn unfold(
     if books[UNFOLDS].load() == 0 || i >= books[FRINGE_LENGTH + side as usize].load() || i >= places {
         return;
     }
-    let top = fringe[(side * places + i) as usize].get();
+    let top = fringe[(side * places + i) as usize].load();
     let stage = books[STAGE].load();
     let bits = params.root_area.to_bits();
     // A quarter is two less in the exponent.
@@ -62,8 +63,13 @@ pub fn unfold(
                     key |= IN_POOL;
                 }
                 let before = keys[v as usize].swap(key);
-                if (before == COLD || before == ON_FRINGE) && key & IN_POOL != 0 {
-                    push(pool, places, pool_side, to_pool, v);
+                if before == COLD || before == ON_FRINGE {
+                    if key & IN_POOL != 0 {
+                        push(pool, places, pool_side, to_pool, v);
+                    }
+                    if params.has(LISTS) {
+                        list[list_more(books, 1) as usize].set(v);
+                    }
                 }
                 descends = true;
             } else if key != ON_FRINGE {

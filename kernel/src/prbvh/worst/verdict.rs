@@ -101,7 +101,6 @@ fn note_progress(params: &RoundParams, lost: Sum, counts: f32, books: &[AtomicU3
 mod tests {
     use super::super::books::{self, BEGIN, BOOKS_WORDS, CLOSE, EPOCH, FIRST, LIST_LENGTH, RESUME, STOPPED};
     use super::*;
-    use crate::mem::Slot;
     use crate::status::{APPLIED, FAULT_SEARCH_STEPS, GREW, REPORT_WORDS, SHRUNK};
     use bytemuck::Zeroable;
 
@@ -127,7 +126,7 @@ mod tests {
             let params = RoundParams { page, flags: self.rule.flags | flags, ..self.rule };
             let (books, report) =
                 (AtomicU32::from_mut_slice(&mut self.books), AtomicU32::from_mut_slice(&mut self.report));
-            books::books(&params, books, Slot::from_mut_slice(&mut [0; 2]), report);
+            books::books(&params, books, AtomicU32::from_mut_slice(&mut [0; 2]), report);
         }
 
         /// A round after which areas have lost `lost` more; some words of its report.

@@ -12,14 +12,14 @@ pub const BOOKS_WORDS: u32 = HISTOGRAM as u32 + BUCKETS;
 pub const OVER_POOL: usize = 0;
 /// The same over the list.
 pub const OVER_LIST: usize = 4;
-/// The same over the fringe.
-pub const OVER_FRINGE: usize = 8;
+/// The same over the pool and, if it unfolds, the fringe behind it.
+pub const OVER_BOTH: usize = 8;
 /// Nodes on each side of the pool.
 pub const POOL_LENGTH: usize = 12;
 /// Nodes on each side of the fringe.
 pub const FRINGE_LENGTH: usize = 14;
 /// Nodes on the list.
-pub const LIST_LENGTH: usize = 16;
+pub const LIST_LENGTH: usize = OVER_LIST;
 /// The side of the pool that is filled.
 pub const POOL_SIDE: usize = 17;
 /// The side of the fringe that unfolds, or waits to.
@@ -62,6 +62,25 @@ pub const HISTOGRAM: usize = 40;
 pub const BUCKETS: u32 = 256;
 /// Parts that a bucket can be cut into.
 pub const CELLS: u32 = 256;
+
+/// Lists so many more; returns the first of their places, and has the dispatches over the list come by.
+#[inline(always)]
+pub(super) fn list_more(books: &[AtomicU32], more: u32) -> u32 {
+    let place = books[LIST_LENGTH].add(more);
+    let [x, y, _] = grid::workgroups(place + more);
+    // Both grow with the length.
+    raise(&books[OVER_LIST + 1], x);
+    raise(&books[OVER_LIST + 2], y);
+    place
+}
+
+/// Most others have raised it before: a read costs less than to own the word.
+#[inline(always)]
+fn raise(word: &AtomicU32, value: u32) {
+    if value > word.load() {
+        word.max(value);
+    }
+}
 
 /// Has as many invocations as this many run at `at`.
 #[inline(always)]
