@@ -7,6 +7,7 @@
 use crate::aabb::Aabb;
 #[cfg(feature = "atrbvh")]
 use crate::atrbvh::{self, LevelsParams, RestructureParams};
+use crate::collapse::widen::{WidenParams, widen};
 use crate::collapse::{self, CollapseParams, CompactNode, EmitParams, Place, PlacesParams};
 use crate::cost::{self, CostParams};
 use crate::entry::kernels;
@@ -294,9 +295,7 @@ kernels! {
     ] => |i| kept::graft(i, grafts, nodes);
 
     CollapseSizes collapse_sizes(params: CollapseParams) [
-        0 nodes: &[Node],
-        1 subtrees: &[AtomicU32],
-        2 arrivals: &[AtomicU32],
+        0 nodes: &[Node], 1 subtrees: &[AtomicU32], 2 arrivals: &[AtomicU32],
     ] => |i| collapse::sizes(i, params, nodes, subtrees, arrivals);
 
     CollapsePlaces collapse_places(params: PlacesParams) [
@@ -311,12 +310,13 @@ kernels! {
     ] => |i| collapse::jump(i, places, longer);
 
     CollapseEmit collapse_emit(params: EmitParams) [
-        0 nodes: &[Node],
-        1 subtrees: &[u32],
-        2 places: &[Place],
-        3 compact: &[Slot<CompactNode>],
-        4 order: &[Slot<u32>],
+        0 nodes: &[Node], 1 subtrees: &[u32], 2 places: &[Place],
+        3 compact: &[Slot<CompactNode>], 4 order: &[Slot<u32>],
     ] => |i| collapse::emit(i, params, nodes, subtrees, places, compact, order);
+
+    CollapseWiden collapse_widen(params: WidenParams) [
+        0 nodes: &[Node], 1 forests: &[AtomicU32], 2 choices: &[Slot<u32>], 3 arrivals: &[AtomicU32],
+    ] => |i| widen(i, params, nodes, forests, choices, arrivals);
 
     Trace32 trace_32(params: TraceParams) [
         0 nodes: &[TraceNode],

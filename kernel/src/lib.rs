@@ -20,6 +20,7 @@
 //! | [`rotations`] | `rotations_climb`, `cost` | tree → tree with better subtrees of three levels |
 //! | [`kept`] | `kept_restore`, `kept_graft` | tree → the best tree before it, tree with another top |
 //! | [`mod@collapse`] | `collapse_sizes`, `collapse_places`, `collapse_jump`, `collapse_emit` | tree → tree with adaptive leaves |
+//! | [`collapse::widen`](mod@collapse::widen) | `collapse_widen` | tree → what becomes of its nodes in a wide one |
 //! | [`trace`] | `trace_32`, `trace_64`, `trace_128`, `trace_deep`, `trace_count` | tree, rays → hits |
 //! | [`trace::path`] | `path_camera`, `path_shade`, `path_gather`, `path_film` | hits → next rays → picture |
 //!

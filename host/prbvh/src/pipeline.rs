@@ -73,6 +73,8 @@ pub struct Optimized {
     pub plan: Plan,
     /// The wide tree of [`Settings::wide`].
     pub wide: Option<WideTree>,
+    /// Times of what the device did for it.
+    pub wide_timings: Vec<Timing>,
     /// Kernels that ran; [`Plan::unplanned`] has none of them.
     pub ran: BTreeSet<Kernel>,
 }
@@ -311,8 +313,8 @@ fn run(
         (Some(_), Some(settings)) => bvh::quality(&handed_out, &settings.sah),
         _ => measured,
     });
-    let wide = settings.wide.as_ref().map(|wide| on_host(device, || wide_tree(&handed_out, whole, wide)));
-    let wide = wide.transpose()?;
+    let wide = settings.wide.as_ref().map(|wide| wide_tree(&handed_out, whole, device, wide)).transpose()?;
+    let (wide, wide_timings) = wide.unzip();
     Ok(Optimized {
         tree: handed_out,
         initial,
@@ -327,6 +329,7 @@ fn run(
         collapse_timings,
         plan,
         wide,
+        wide_timings: wide_timings.unwrap_or_default(),
         ran: device.kernels(),
     })
 }

@@ -1,4 +1,4 @@
-//! Adaptive leaves: subtrees become leaves of several triangles where that lowers the SAH cost.
+//! Adaptive leaves: subtrees become leaves of several triangles where that lowers the SAH cost. And nodes of several children: see [`mod@widen`].
 //!
 //! Source: MacDonald & Booth 1990 for the cost; Meister & Bittner 2018, §5 (leaves after the optimisation). A subtree of `s`
 //! triangles under a box of area `A` becomes a leaf if and only if that is strictly cheaper:
@@ -12,12 +12,15 @@
 //! | [`places`] | map | links, sizes → each node's step from its parent |
 //! | [`jump`] | map | steps over `2^k` links → steps over `2^(k+1)` links |
 //! | [`emit`] | scatter, one writer per element | all of that → [`CompactNode`]s and the order of the triangles |
+//! | [`widen`](widen::widen) | climb | boxes → what becomes of every node in a wide tree of least cost |
 //!
 //! The order of nodes and triangles is the depth-first order of the tree, from sizes of subtrees alone: no counter decides it.
 
+pub mod area;
 mod emit;
 mod places;
 mod sizes;
+pub mod widen;
 
 pub use emit::{CompactNode, EmitParams, emit};
 pub use places::{Place, PlacesParams, jump, places};

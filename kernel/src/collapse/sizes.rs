@@ -2,15 +2,13 @@
 //!
 //! Kind: [`climb`](mod@crate::climb). Areas are those of f32 in one fixed order, so that every device decides alike.
 
+use super::area::{area_scale, relative_area};
 use super::{COST, HEIGHT, LEAF, REMAINING, SIZE, word};
 use crate::climb::climb;
 use crate::math::umax;
 use crate::mem::AtomicU32;
 use crate::node::{Node, ROOT};
 use bytemuck::{Pod, Zeroable};
-
-/// Smallest relative area that counts: 2^-100. Products stay normal numbers, which no device flushes.
-const LEAST_AREA: f32 = f32::from_bits(27 << 23);
 
 /// Push constants of [`sizes`].
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -24,25 +22,6 @@ pub struct CollapseParams {
     pub c_intersect: f32,
     /// Most triangles of a leaf.
     pub max_leaf: u32,
-}
-
-/// The power of two that brings `area`, a normal number, into `[1, 2)`; 0 for no area.
-#[inline(always)]
-fn area_scale(area: f32) -> f32 {
-    if area > 0.0 { f32::from_bits((254 - (area.to_bits() >> 23)) << 23) } else { 0.0 }
-}
-
-/// Area of a node in units of the root's. Where the root has none, every ratio counts as 1, as in the measured cost.
-#[inline(always)]
-fn relative_area(node: &Node, scale: f32) -> f32 {
-    let area = node.aabb().half_area() * scale;
-    if scale == 0.0 {
-        1.0
-    } else if area < LEAST_AREA {
-        0.0
-    } else {
-        area
-    }
 }
 
 /// Invocation `i` climbs from leaf `i`. Reads `nodes[2n-1]`, whose boxes are right; writes `subtrees[2n-1]` of

@@ -107,7 +107,8 @@ impl RunReport {
     pub fn of(scene: &Scene, device: &dyn Device, settings: RunSettings, result: &Optimized) -> Self {
         let triangles = u32::try_from(scene.triangles.len()).unwrap_or(u32::MAX);
         let mut phases = PhaseTimes::default();
-        for timings in [&result.build_timings, &result.outcome.timings, &result.collapse_timings] {
+        let Optimized { build_timings, outcome, collapse_timings, wide_timings, .. } = result;
+        for timings in [build_timings, &outcome.timings, collapse_timings, wide_timings] {
             phases.add(timings);
         }
         let handed_out = result.adaptive.unwrap_or(result.quality);

@@ -33,25 +33,43 @@ impl Bvh {
     /// # Errors
     /// [`EncodeError::Broken`], or [`EncodeError::LeafSize`] at the first leaf of several triangles.
     pub fn to_device(&self) -> Result<Vec<Node>, EncodeError> {
+        self.threaded(&self.preorder_checked()?, |node, first, triangles| match triangles {
+            1 => Ok(self.triangle_order[first as usize]),
+            _ => Err(EncodeError::LeafSize { node, triangles }),
+        })
+    }
+
+    /// The nodes as a depth-first walk meets them.
+    ///
+    /// # Errors
+    /// [`EncodeError::Broken`].
+    pub(crate) fn preorder_checked(&self) -> Result<Vec<u32>, EncodeError> {
         let faults = structure_faults(self);
-        if !faults.is_empty() {
-            return Err(EncodeError::Broken { faults });
-        }
-        let walk = self.preorder();
+        if faults.is_empty() { Ok(self.preorder()) } else { Err(EncodeError::Broken { faults }) }
+    }
+
+    /// As [`Bvh::to_device`] numbers them in this walk, with what `held` says of a leaf's node and range in place of its triangle.
+    ///
+    /// # Errors
+    /// Those of `held`.
+    pub(crate) fn threaded<E>(
+        &self,
+        walk: &[u32],
+        held: impl Fn(u32, u32, u32) -> Result<u32, E>,
+    ) -> Result<Vec<Node>, E> {
         let internal = walk.len() as u32 / 2;
         let mut ids = vec![NO_NODE; self.nodes.len()];
         let (mut next_internal, mut next_leaf) = (0, internal);
-        for &v in &walk {
+        for &v in walk {
             let next = match self.nodes[v as usize].content {
                 Content::Internal { .. } => &mut next_internal,
-                Content::Leaf { count: 1, .. } => &mut next_leaf,
-                Content::Leaf { count, .. } => return Err(EncodeError::LeafSize { node: v, triangles: count }),
+                Content::Leaf { .. } => &mut next_leaf,
             };
             ids[v as usize] = *next;
             *next += 1;
         }
         let mut nodes = vec![Node { min: [0.0; 3], up: NO_NODE, max: [0.0; 3], down: 0 }; walk.len()];
-        for &v in &walk {
+        for &v in walk {
             let (id, node) = (ids[v as usize], &self.nodes[v as usize]);
             let down = match node.content {
                 Content::Internal { left, right } => {
@@ -60,7 +78,7 @@ impl Bvh {
                     nodes[right as usize].up = id | RIGHT;
                     left
                 }
-                Content::Leaf { first, .. } => self.triangle_order[first as usize],
+                Content::Leaf { first, count } => held(v, first, count)?,
             };
             let up = nodes[id as usize].up;
             nodes[id as usize] = Node { min: node.aabb.min, up, max: node.aabb.max, down };

@@ -2,8 +2,9 @@
 
 use super::PipelineError;
 use crate::bvh::Bvh;
+use crate::device::{Device, Timing, on_host};
 use crate::scene::Scene;
-use crate::wide::{self, PackedTree, WideQuality, WideSettings, collapse, validate};
+use crate::wide::{self, PackedTree, WideQuality, WideSettings, collapse_on, validate};
 
 /// A wide tree.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,13 +16,20 @@ pub struct WideTree {
     pub quality: WideQuality,
 }
 
-/// The wide tree of `tree`, validated as it is packed; where a triangle is in several leaves, without the triangles.
-pub(super) fn wide_tree(tree: &Bvh, scene: &Scene, settings: &WideSettings) -> Result<WideTree, PipelineError> {
-    let invalid = |faults| PipelineError::InvalidWideTree { faults };
-    let wide = collapse(tree, settings)?;
-    let quality = wide::quality(&wide, &settings.costs());
-    let packed = PackedTree::new(&wide, settings.layout).expect("leaves were made for the layout");
-    let triangles = (!tree.has_splits(scene.triangles.len())).then_some(&*scene.triangles);
-    validate(&packed.unpack().map_err(invalid)?, triangles).map_err(invalid)?;
-    Ok(WideTree { tree: packed, quality })
+/// The wide tree of `tree`, validated as it is packed, where a triangle is in several leaves without the triangles; and the times of the device.
+pub(super) fn wide_tree(
+    tree: &Bvh,
+    scene: &Scene,
+    device: &mut dyn Device,
+    settings: &WideSettings,
+) -> Result<(WideTree, Vec<Timing>), PipelineError> {
+    let (wide, timings) = collapse_on(device, tree, settings)?;
+    on_host(device, || {
+        let invalid = |faults| PipelineError::InvalidWideTree { faults };
+        let quality = wide::quality(&wide, &settings.costs());
+        let packed = PackedTree::new(&wide, settings.layout).expect("leaves were made for the layout");
+        let triangles = (!tree.has_splits(scene.triangles.len())).then_some(&*scene.triangles);
+        validate(&packed.unpack().map_err(invalid)?, triangles).map_err(invalid)?;
+        Ok((WideTree { tree: packed, quality }, timings))
+    })
 }

@@ -21,7 +21,8 @@ const DUPLICATES: &str = "the tree is another one, of about the same cost: ask w
 const FEWEST_THAT_MOVE: usize = 4;
 
 /// Kernels of wide trees.
-const WIDE: [Kernel; 6] = [
+const WIDE: [Kernel; 7] = [
+    Kernel::CollapseWiden,
     Kernel::TraceBvh4,
     Kernel::TraceBvh4Deep,
     Kernel::TraceBvh8,
@@ -282,12 +283,13 @@ impl Decide<'_> {
         item
     }
 
-    /// Wide trees are made on the host, and the buffers and kernels that trace them belong to no phase of a run.
+    /// The buffers and kernels that trace wide trees belong to no phase of a run.
     fn wide(&self) -> Item {
         let Some(wide) = &self.settings.wide else {
             let mut item = item(Omission::Wide, Status::LeftOut, "nobody asked for them");
             let without = Taken { kernels: WIDE.into(), ..Taken::default() };
             item.saved = self.saving(&without, &Taken::default());
+            item.saved.dispatches = 1;
             return item;
         };
         item(

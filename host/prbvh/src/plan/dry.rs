@@ -10,7 +10,7 @@ use crate::optimize::{
 use crate::presplit;
 use crate::settings::Initial;
 use crate::trace::TraceScene;
-use crate::wide::{Layout, Width};
+use crate::wide::{self, Layout, WideSettings, Width};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::setup::Triangle;
 use std::collections::BTreeSet;
@@ -177,6 +177,13 @@ impl DryDevice {
         collapse::reserve(self, tree.references)?;
         self.kernels.extend(COLLAPSE);
         tree.free(self);
+        Ok(())
+    }
+
+    /// Makes nodes of several children of a tree of so many leaves at most.
+    pub(super) fn widen(&mut self, leaves: usize, settings: &WideSettings) -> Result<(), DeviceError> {
+        wide::reserve(self, leaves, settings)?;
+        self.kernels.insert(Kernel::CollapseWiden);
         Ok(())
     }
 

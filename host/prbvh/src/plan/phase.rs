@@ -8,7 +8,7 @@ use crate::optimize::{Order, PrbvhSettings, Strategy};
 use crate::presplit::is_on_device;
 use crate::scene::Scene;
 use crate::settings::{Optimizer, Settings};
-use crate::wide::WideSettings;
+use crate::wide::CollapseMethod;
 use bytemuck::Zeroable;
 use prbvh_kernel::setup::Triangle;
 
@@ -71,7 +71,11 @@ pub(super) fn phases(
         let name = "optimise, rotations".to_owned();
         phases.push(phase(name, true, &|dry| dry.rotate(references, rotations, ITERATIONS))?);
     }
-    if let Some(WideSettings { width, layout, .. }) = settings.wide {
+    if let Some(wide) = &settings.wide {
+        if wide.method == CollapseMethod::Optimal {
+            phases.push(phase(format!("nodes of {}", wide.width), true, &|dry| dry.widen(most, wide))?);
+        }
+        let (width, layout) = (wide.width, wide.layout);
         phases.push(phase(format!("trace, {layout} of {width}"), false, &|dry| dry.trace_wide(most, width, layout))?);
     }
     let on_device = settings.presplit.filter(|presplit| plan.presplits && is_on_device(presplit));

@@ -81,15 +81,31 @@ impl SafeRange {
     /// devices.
     #[must_use]
     pub fn apply(&self, triangles: &[Triangle]) -> Vec<Triangle> {
+        let work = self.work();
+        triangles.par_iter().map(|t| Triangle { a: t.a.map(work), b: t.b.map(work), c: t.c.map(work) }).collect()
+    }
+
+    /// The range of what is in a finite box.
+    pub(crate) fn of_box(aabb: &Aabb) -> Self {
+        Self::of_largest(aabb.min.iter().chain(&aabb.max).fold(0.0, |most: f32, x| most.max(x.abs())))
+    }
+
+    /// A box in working coordinates.
+    pub(crate) fn apply_to_box(&self, aabb: &Aabb) -> Aabb {
+        let work = self.work();
+        Aabb { min: aabb.min.map(work), max: aabb.max.map(work) }
+    }
+
+    /// The working coordinate of a coordinate.
+    fn work(&self) -> impl Fn(f32) -> f32 + Copy + Sync + use<> {
         // Scaling and rounding in float64 are exact up to the one rounding to the grid.
         let (to_grid, from_grid) = (power_of_two(self.exponent + GRID), power_of_two(-GRID));
-        let work = |x: f32| {
+        move |x: f32| {
             let cells = f64::from(x) * to_grid;
             // A float32 of 24 bits that is beyond them is a whole number, which need not be rounded: a slow call on many CPUs.
             let cells = if cells.abs() >= WHOLE { cells } else { cells.round_ties_even() };
             (cells * from_grid + 0.0) as f32
-        };
-        triangles.par_iter().map(|t| Triangle { a: t.a.map(work), b: t.b.map(work), c: t.c.map(work) }).collect()
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! | step | function |
 //! |---|---|
-//! | binary tree → wide tree of least cost, or a greedy one | [`collapse`] |
+//! | binary tree → wide tree of least cost, or a greedy one | [`collapse`], [`collapse_on`] |
 //! | is it right? | [`validate`] |
 //! | is it good? | [`quality`] |
 //! | nodes as a traversal reads them, and back | [`PackedTree`] |
@@ -40,6 +40,8 @@ pub use width::Width;
 
 use crate::bvh::Bvh;
 use crate::check::SettingError;
+use crate::collapse::CollapseError;
+use crate::device::{Device, DeviceError, Timing};
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::setup::Triangle;
 
@@ -166,6 +168,30 @@ pub fn collapse(tree: &Bvh, settings: &WideSettings) -> Result<WideBvh, SettingE
         CollapseMethod::Greedy => greedy::fates(&tree, settings),
     };
     Ok(emit::emit(&tree, settings.width, &fates))
+}
+
+/// [`collapse`] whose costs a device computes, and the times of its commands: the same tree. The device holds 64 bytes and as many words as the width for each leaf of `tree`, and 8 bytes
+/// more. A greedy collapse needs no device.
+///
+/// # Errors
+/// If a setting makes no sense, the links of `tree` are no tree, or the device fails.
+pub fn collapse_on(
+    device: &mut dyn Device,
+    tree: &Bvh,
+    settings: &WideSettings,
+) -> Result<(WideBvh, Vec<Timing>), CollapseError> {
+    if settings.method == CollapseMethod::Greedy {
+        return Ok((collapse(tree, settings)?, Vec::new()));
+    }
+    settings.check()?;
+    let tree = limit::within(tree, settings.most_of_a_leaf());
+    let (fates, timings) = optimal::fates_on(device, &tree, settings)?;
+    Ok((emit::emit(&tree, settings.width, &fates), timings))
+}
+
+/// Allocates what [`collapse_on`] takes for a tree of so many leaves at most, and gives it back: for plans.
+pub(crate) fn reserve(device: &mut dyn Device, leaves: usize, settings: &WideSettings) -> Result<(), DeviceError> {
+    optimal::reserve(device, leaves, settings)
 }
 
 #[cfg(test)]
