@@ -15,6 +15,8 @@ use crate::entry::kernels;
 use crate::grid;
 use crate::hploc::{self, HplocParams};
 use crate::kept::{self, AtomicKept, Graft, GraftParams as KeptGraftParams, Kept, RestoreParams};
+use crate::kmeans::{self, AssignParams, CentresParams, Frame, HalveParams, JoinParams, MeansParams, Part, Point};
+use crate::kmeans::{RelabelParams, TallyParams};
 use crate::lbvh::{self, HierarchyParams, LeavesParams};
 use crate::mem::{AtomicU32, AtomicU64, Slot};
 use crate::morton::{self, MortonParams};
@@ -72,11 +74,7 @@ kernels! {
     ] shared words: presplit::PLACES_WORDS => |w| presplit::places(w, params, priority, shares, splits, places, words);
 
     PresplitPieces presplit_pieces(params: PiecesParams) [
-        0 triangles: &[Triangle],
-        1 splits: &[u32],
-        2 places: &[u32],
-        3 boxes: &[Slot<Aabb>],
-        4 owners: &[Slot<u32>],
+        0 triangles: &[Triangle], 1 splits: &[u32], 2 places: &[u32], 3 boxes: &[Slot<Aabb>], 4 owners: &[Slot<u32>],
     ] => |i| pieces(i, params, triangles, splits, places, boxes, owners);
 
     Morton30 morton_30(params: MortonParams) [
@@ -96,22 +94,14 @@ kernels! {
     ] shared words: sort::ROWS_WORDS => |w| sort::rows(w, params, table, totals, words);
 
     SortScatter sort_scatter(params: SortParams) [
-        0 keys: &[u32],
-        1 values: &[u32],
-        2 table: &[u32],
-        3 totals: &[u32],
-        4 sorted_keys: &[Slot<u32>],
+        0 keys: &[u32], 1 values: &[u32], 2 table: &[u32], 3 totals: &[u32], 4 sorted_keys: &[Slot<u32>],
         5 sorted_values: &[Slot<u32>],
     ] shared words: sort::SCATTER_WORDS => |w| {
         sort::scatter(w, params, keys, values, table, totals, sorted_keys, sorted_values, words);
     };
 
     SortScatterAlone sort_scatter_alone(params: SortParams) [
-        0 keys: &[u32],
-        1 values: &[u32],
-        2 table: &[u32],
-        3 totals: &[u32],
-        4 sorted_keys: &[Slot<u32>],
+        0 keys: &[u32], 1 values: &[u32], 2 table: &[u32], 3 totals: &[u32], 4 sorted_keys: &[Slot<u32>],
         5 sorted_values: &[Slot<u32>],
     ] => |i| sort::scatter_alone(i, params, keys, values, table, totals, sorted_keys, sorted_values);
 
@@ -128,10 +118,7 @@ kernels! {
     ] => |i| lbvh::hierarchy(i, params, high, low, nodes);
 
     PlocClusters ploc_clusters(params: ClustersParams) [
-        0 order: &[u32],
-        1 boxes: &[Aabb],
-        2 clusters: &[Slot<Cluster>],
-        3 progress: &[Slot<Progress>],
+        0 order: &[u32], 1 boxes: &[Aabb], 2 clusters: &[Slot<Cluster>], 3 progress: &[Slot<Progress>],
     ] => |i| ploc::clusters(i, params, order, boxes, clusters, progress);
 
     PlocNearest ploc_nearest(params: NearestParams) [
@@ -139,21 +126,12 @@ kernels! {
     ] => |i| nearest(i, params, clusters, progress, neighbours);
 
     PlocMark ploc_mark(params: MergeParams) [
-        0 neighbours: &[u32],
-        1 progress: &[Progress],
-        2 marks: &[Slot<u32>],
-        3 gone: &[Slot<u32>],
+        0 neighbours: &[u32], 1 progress: &[Progress], 2 marks: &[Slot<u32>], 3 gone: &[Slot<u32>],
     ] shared words: merge::MARK_WORDS => |w| merge::mark(w, params, neighbours, progress, marks, gone, words);
 
     PlocMerge ploc_merge(params: MergeParams) [
-        0 neighbours: &[u32],
-        1 marks: &[u32],
-        2 gone: &[u32],
-        3 clusters: &[Cluster],
-        4 progress: &[Progress],
-        5 nodes: &[AtomicNode],
-        6 next_clusters: &[Slot<Cluster>],
-        7 next_progress: &[Slot<Progress>],
+        0 neighbours: &[u32], 1 marks: &[u32], 2 gone: &[u32], 3 clusters: &[Cluster], 4 progress: &[Progress],
+        5 nodes: &[AtomicNode], 6 next_clusters: &[Slot<Cluster>], 7 next_progress: &[Slot<Progress>],
     ] shared words: merge::MERGE_WORDS => |w| {
         merge::merge(
             w, params, neighbours, marks, gone, clusters, progress, nodes, next_clusters, next_progress, words,
@@ -162,32 +140,60 @@ kernels! {
 
     #[cfg(feature = "atrbvh")]
     AtrbvhLevels atrbvh_levels(params: LevelsParams) [
-        0 nodes: &[Node],
-        1 sizes: &[AtomicU32],
-        2 levels: &[AtomicU32],
-        3 order: &[Slot<u32>],
-        4 counts: &[AtomicU32],
+        0 nodes: &[Node], 1 sizes: &[AtomicU32], 2 levels: &[AtomicU32], 3 order: &[Slot<u32>], 4 counts: &[AtomicU32],
         5 arrivals: &[AtomicU32],
     ] => |i| atrbvh::levels(i, params, nodes, sizes, levels, order, counts, arrivals);
 
     #[cfg(feature = "atrbvh")]
     AtrbvhRestructure atrbvh_restructure(params: RestructureParams) [
-        0 order: &[u32],
-        1 nodes: &[AtomicNode],
-        2 report: &[AtomicU32],
+        0 order: &[u32], 1 nodes: &[AtomicNode], 2 report: &[AtomicU32],
     ] => |i| atrbvh::restructure(i, params, order, nodes, report);
 
     #[cfg(feature = "atrbvh")]
     TrbvhRestructure trbvh_restructure(params: RestructureParams) [
-        0 order: &[u32],
-        1 nodes: &[AtomicNode],
-        2 report: &[AtomicU32],
+        0 order: &[u32], 1 nodes: &[AtomicNode], 2 report: &[AtomicU32],
     ] => |i| atrbvh::restructure_optimally(i, params, order, nodes, report);
 
     HplocStage hploc_stage(params: HplocParams) [
         0 radix: &[Node], 1 nodes: &[AtomicNode], 2 clusters: &[AtomicU32], 3 spare: &[AtomicU32],
         4 sizes: &[AtomicU32], 5 arrivals: &[AtomicU32], 6 places: &[Slot<u32>], 7 waiting: &[AtomicU32],
     ] => |i| hploc::stage(i, params, radix, nodes, clusters, spare, sizes, arrivals, places, waiting);
+
+    KmeansCentres kmeans_centres(params: CentresParams) [
+        0 parts: &[Part], 1 order: &[u32], 2 boxes: &[Aabb], 3 frames: &[Slot<Frame>], 4 centres: &[Slot<Point>],
+        5 tallies: &[AtomicU32],
+    ] => |i| kmeans::centres(i, params, parts, order, boxes, frames, centres, tallies);
+
+    KmeansAssign kmeans_assign(params: AssignParams) [
+        0 order: &[u32], 1 boxes: &[Aabb], 2 starts: &[u32], 3 sizes: &[u32], 4 frames: &[Frame], 5 centres: &[Point],
+        6 labels: &[Slot<u32>], 7 tallies: &[AtomicU32],
+    ] shared words: kmeans::ASSIGN_WORDS => |w| {
+        kmeans::assign(w, params, order, boxes, starts, sizes, frames, centres, labels, tallies, words);
+    };
+
+    KmeansMeans kmeans_means(params: MeansParams) [
+        0 parts: &[Part], 1 tallies: &[AtomicU32], 2 centres: &[Slot<Point>],
+    ] => |i| kmeans::means(i, params, parts, tallies, centres);
+
+    KmeansTally kmeans_tally(params: TallyParams) [
+        0 order: &[u32], 1 boxes: &[Aabb], 2 starts: &[u32], 3 labels: &[u32], 4 tallies: &[AtomicU32],
+    ] => |i| kmeans::tally(i, order, boxes, starts, labels, tallies);
+
+    KmeansJoin kmeans_join(params: JoinParams) [
+        0 parts: &[Part], 1 tallies: &[Slot<u32>], 2 targets: &[Slot<u32>], 3 sizes: &[Slot<u32>],
+        4 nodes: &[AtomicNode], 5 next: &[Slot<Part>], 6 small: &[Slot<u32>], 7 progress: &[AtomicU32],
+    ] shared words: kmeans::JOIN_WORDS => |w| {
+        kmeans::join(w, params, parts, tallies, targets, sizes, nodes, next, small, progress, words);
+    };
+
+    KmeansRelabel kmeans_relabel(params: RelabelParams) [
+        0 labels: &[u32], 1 targets: &[u32], 2 sizes: &[u32], 3 starts: &[Slot<u32>],
+    ] => |i| kmeans::relabel(i, labels, targets, sizes, starts);
+
+    KmeansHalve kmeans_halve(params: HalveParams) [
+        0 small: &[u32], 1 starts: &[u32], 2 boxes: &[Aabb], 3 order: &[Slot<u32>], 4 sizes: &[Slot<u32>],
+        5 cursors: &[Slot<u32>], 6 nodes: &[AtomicNode], 7 waiting: &[AtomicU32],
+    ] => |i| kmeans::halve(i, params, small, starts, boxes, order, sizes, cursors, nodes, waiting);
 
     Rotations rotations_climb(params: RotateParams) [
         0 nodes: &[AtomicNode], 1 arrivals: &[AtomicU32], 2 kept: &[AtomicKept], 3 report: &[AtomicU32],
@@ -310,8 +316,8 @@ kernels! {
     ] => |i| collapse::jump(i, places, longer);
 
     CollapseEmit collapse_emit(params: EmitParams) [
-        0 nodes: &[Node], 1 subtrees: &[u32], 2 places: &[Place],
-        3 compact: &[Slot<CompactNode>], 4 order: &[Slot<u32>],
+        0 nodes: &[Node], 1 subtrees: &[u32], 2 places: &[Place], 3 compact: &[Slot<CompactNode>],
+        4 order: &[Slot<u32>],
     ] => |i| collapse::emit(i, params, nodes, subtrees, places, compact, order);
 
     CollapseWiden collapse_widen(params: WidenParams) [
@@ -319,18 +325,15 @@ kernels! {
     ] => |i| widen(i, params, nodes, forests, choices, arrivals);
 
     Trace32 trace_32(params: TraceParams) [
-        0 nodes: &[TraceNode],
-        1 triangles: &[TraceTriangle], 2 rays: &[Ray], 3 hits: &[Slot<Hit>],
+        0 nodes: &[TraceNode], 1 triangles: &[TraceTriangle], 2 rays: &[Ray], 3 hits: &[Slot<Hit>],
     ] => |i| trace(i, params, nodes, triangles, rays, hits, &mut LocalStack::<32>::new());
 
     Trace64 trace_64(params: TraceParams) [
-        0 nodes: &[TraceNode],
-        1 triangles: &[TraceTriangle], 2 rays: &[Ray], 3 hits: &[Slot<Hit>],
+        0 nodes: &[TraceNode], 1 triangles: &[TraceTriangle], 2 rays: &[Ray], 3 hits: &[Slot<Hit>],
     ] => |i| trace(i, params, nodes, triangles, rays, hits, &mut LocalStack::<64>::new());
 
     Trace128 trace_128(params: TraceParams) [
-        0 nodes: &[TraceNode],
-        1 triangles: &[TraceTriangle], 2 rays: &[Ray], 3 hits: &[Slot<Hit>],
+        0 nodes: &[TraceNode], 1 triangles: &[TraceTriangle], 2 rays: &[Ray], 3 hits: &[Slot<Hit>],
     ] => |i| trace(i, params, nodes, triangles, rays, hits, &mut LocalStack::<128>::new());
 
     TraceDeep trace_deep(params: TraceParams) [
@@ -379,12 +382,8 @@ kernels! {
     ] => |i| path::camera(i, params, rays, paths);
 
     PathShade path_shade(params: ShadeParams) [
-        0 hits: &[Hit],
-        1 surfaces: &[Surface],
-        2 rays: &[Slot<Ray>],
-        3 paths: &[Slot<Path>],
-        4 shadow_rays: &[Slot<Ray>],
-        5 lights: &[Slot<Light>],
+        0 hits: &[Hit], 1 surfaces: &[Surface], 2 rays: &[Slot<Ray>], 3 paths: &[Slot<Path>],
+        4 shadow_rays: &[Slot<Ray>], 5 lights: &[Slot<Light>],
     ] => |i| path::shade(i, params, hits, surfaces, rays, paths, shadow_rays, lights);
 
     PathGather path_gather(params: LightParams) [

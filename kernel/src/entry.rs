@@ -75,6 +75,8 @@ macro_rules! kernels {
                     Self::PrbvhSearch | Self::PlocNearest => 16,
                     #[cfg(feature = "atrbvh")]
                     Self::AtrbvhRestructure | Self::TrbvhRestructure => 1,
+                    Self::KmeansCentres | Self::KmeansAssign | Self::KmeansJoin => 1,
+                    Self::KmeansHalve => 4,
                     // Chunks.
                     Self::WorstCount | Self::WorstSelect | Self::SortScatterAlone => 16,
                     // Workgroups.

@@ -12,6 +12,7 @@
 //! | [`lbvh`] | `lbvh_leaves`, `lbvh_hierarchy` | sorted codes → links of the tree |
 //! | [`ploc`] | `ploc_clusters`, `ploc_nearest`, `ploc_mark`, `ploc_merge` | order of the references → tree |
 //! | [`hploc`] | `lbvh_hierarchy`, `hploc_stage` | order of the references, links of a tree → tree |
+//! | [`kmeans`] | `kmeans_centres`, `kmeans_assign`, `kmeans_means`, `kmeans_tally`, `kmeans_join`, `kmeans_relabel`, `sort_*`, `kmeans_halve` | order of the references → links of the tree |
 //! | `atrbvh` | `atrbvh_levels`, `sort_*`, `atrbvh_restructure` or `trbvh_restructure` | tree → tree with better treelets |
 //! | [`refit`] | `refit` | leaf boxes → all boxes |
 //! | [`cost`] | `cost` | boxes → partial sums of half surface areas |
@@ -41,6 +42,7 @@ mod entry;
 pub mod grid;
 pub mod hploc;
 pub mod kept;
+pub mod kmeans;
 pub mod lbvh;
 pub mod math;
 pub mod mem;

@@ -24,6 +24,31 @@ pub fn least_internal_area(boxes: &[Aabb]) -> f64 {
     half_area(&all) + (0..(1u32 << others) - 1).map(split).fold(f64::INFINITY, f64::min)
 }
 
+/// As [`least_internal_area`], for up to a dozen boxes: the best tree over each set of them is remembered. There are `3^n` ways to halve the sets.
+///
+/// # Panics
+/// If there are no boxes, or so many that nobody would wait.
+#[must_use]
+pub fn least_area_by_subsets(boxes: &[Aabb]) -> f64 {
+    assert!((1..=14).contains(&boxes.len()), "{} boxes", boxes.len());
+    let sets = 1usize << boxes.len();
+    let mut best = vec![0.0; sets];
+    for set in 1..sets {
+        if set.count_ones() < 2 {
+            continue;
+        }
+        let members = (0..boxes.len()).filter(|k| set >> k & 1 == 1).map(|k| boxes[k]);
+        let own = half_area(&members.reduce(Aabb::union).expect("a set has boxes"));
+        let (mut left, mut least) = ((set - 1) & set, f64::INFINITY);
+        while left > 0 {
+            least = f64::min(least, best[left] + best[set ^ left]);
+            left = (left - 1) & set;
+        }
+        best[set] = own + least;
+    }
+    best[sets - 1]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -40,6 +65,7 @@ mod tests {
             let lowest = areas.iter().copied().fold(f64::INFINITY, f64::min);
             // 105 trees at the most.
             assert!((lowest / least - 1.0).abs() < 1e-6, "{n}: {least} {lowest}");
+            assert!((least_area_by_subsets(&boxes) / least - 1.0).abs() < 1e-12, "{n}");
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Most memory of a whole run: scene, device, validation and the tree handed out.
 
 use peak_alloc::PeakAlloc;
-use prbvh::build::{Bins, DEFAULT_HPLOC_RADIUS, DEFAULT_PASSES, DEFAULT_RADIUS, TreeletSize};
+use prbvh::build::{Bins, DEFAULT_HPLOC_RADIUS, DEFAULT_PASSES, DEFAULT_RADIUS, KMeansSettings, TreeletSize};
 use prbvh::collapse::CollapseSettings;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{Buffer, Device, DeviceError, Layer};
@@ -104,6 +104,7 @@ fn a_whole_run_keeps_to_its_bytes() {
         ("atrbvh", with(&default, Initial::Atrbvh { treelet: TreeletSize::DEFAULT })),
         ("trbvh", with(&default, Initial::Trbvh { passes: DEFAULT_PASSES })),
         ("hploc", with(&default, Initial::Hploc { radius: DEFAULT_HPLOC_RADIUS })),
+        ("kmeans", with(&default, Initial::KMeans { kmeans: KMeansSettings::default() })),
         ("sweep", with(&default, Initial::SahSweep)),
         ("binned", with(&default, Initial::SahBinned { bins: Bins::DEFAULT })),
         ("adaptive leaves", default.clone().with(|s| s.adaptive = adaptive)),

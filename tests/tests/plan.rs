@@ -1,8 +1,8 @@
 //! Plans: what a run leaves out, by the command, and that no omission changes a tree.
 
 use prbvh::build::{
-    Bins, CodeCensus, Codes, DEFAULT_HPLOC_RADIUS, DEFAULT_PASSES, DEFAULT_RADIUS, MortonBits, TreeletSize, atrbvh,
-    hploc, lbvh, ploc,
+    Bins, CodeCensus, Codes, DEFAULT_HPLOC_RADIUS, DEFAULT_PASSES, DEFAULT_RADIUS, KMeansSettings, MortonBits,
+    TreeletSize, atrbvh, hploc, lbvh, ploc,
 };
 use prbvh::collapse::CollapseSettings;
 use prbvh::device::Device;
@@ -182,6 +182,7 @@ fn a_run_takes_the_memory_that_its_plan_says() {
         Initial::Atrbvh { treelet: TreeletSize::DEFAULT },
         Initial::Trbvh { passes: DEFAULT_PASSES },
         Initial::Hploc { radius: DEFAULT_HPLOC_RADIUS },
+        Initial::KMeans { kmeans: KMeansSettings::default() },
         Initial::SahSweep,
     ];
     for (n, initial) in [1, 2, 3, 700, 20_000].into_iter().flat_map(|n| initials.clone().map(|initial| (n, initial))) {
@@ -380,6 +381,7 @@ fn a_run_takes_the_kernels_of_its_plan_and_no_others() {
         Initial::Atrbvh { treelet: TreeletSize::DEFAULT },
         Initial::Trbvh { passes: DEFAULT_PASSES },
         Initial::Hploc { radius: DEFAULT_HPLOC_RADIUS },
+        Initial::KMeans { kmeans: KMeansSettings::default() },
         Initial::SahBinned { bins: Bins::DEFAULT },
     ];
     let scenes = [("soup", soup(700, 0.1, 6)), ("copies", soup(1, 0.1, 6).repeat(300)), ("one", soup(1, 0.1, 6))];

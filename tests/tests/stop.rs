@@ -1,6 +1,6 @@
 //! A run that somebody asks to end: it ends soon, with the best tree so far.
 
-use prbvh::build::{Bins, DEFAULT_HPLOC_RADIUS, DEFAULT_PASSES, DEFAULT_RADIUS, TreeletSize};
+use prbvh::build::{Bins, DEFAULT_HPLOC_RADIUS, DEFAULT_PASSES, DEFAULT_RADIUS, KMeansSettings, TreeletSize};
 use prbvh::bvh;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{self, Command, Device, DeviceError, Recording, Timing};
@@ -131,6 +131,8 @@ fn an_end_while_a_tree_is_built_is_an_error_by_name() {
         (Initial::Atrbvh { treelet: TreeletSize::default() }, "restructure"),
         (Initial::Trbvh { passes: DEFAULT_PASSES }, "restructure"),
         (Initial::Hploc { radius: DEFAULT_HPLOC_RADIUS }, "merge"),
+        (Initial::KMeans { kmeans: KMeansSettings::default() }, "assign"),
+        (Initial::KMeans { kmeans: KMeansSettings::default() }, "halve"),
     ] {
         let mut device = asks(label, 1);
         let mut settings = Settings::default().with(|s| s.initial = initial);

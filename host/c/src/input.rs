@@ -4,6 +4,7 @@ use crate::PrbvhBox;
 use crate::status::Failure;
 use prbvh::scene::{Aabb, MAX_TRIANGLES, Scene};
 use std::borrow::Cow;
+use std::ffi::{CStr, c_char};
 
 /// What errors call a scene.
 const NAME: &str = "primitives";
@@ -30,6 +31,19 @@ pub(crate) fn check_pointer<T>(name: &str, pointer: *const T) -> Result<(), Fail
         return Err(Failure::argument(format!("{name} is not aligned to {} bytes", align_of::<T>())));
     }
     Ok(())
+}
+
+/// The string behind a pointer; none behind NULL.
+///
+/// # Safety
+/// A pointer that is not NULL leads to a string that ends with a 0 and that nobody writes for `'a`.
+pub(crate) unsafe fn text<'a>(name: &str, pointer: *const c_char) -> Result<Option<&'a str>, Failure> {
+    if pointer.is_null() {
+        return Ok(None);
+    }
+    // SAFETY: not NULL; the rest is the caller's duty.
+    let text = unsafe { CStr::from_ptr(pointer) };
+    text.to_str().map(Some).map_err(|error| Failure::argument(format!("{name} is no UTF-8: {error}")))
 }
 
 fn check_count(what: &str, count: usize) -> Result<(), Failure> {

@@ -9,7 +9,7 @@ mod options;
 mod run;
 mod status;
 
-pub use options::{PrbvhDevice, PrbvhInitial, PrbvhOptions, PrbvhProgress, PrbvhProgressFn};
+pub use options::{PrbvhDevice, PrbvhInitial, PrbvhOptimizer, PrbvhOptions, PrbvhProgress, PrbvhProgressFn};
 pub use run::{PrbvhNode, PrbvhResult, PrbvhStop};
 pub use status::{PrbvhStatus, prbvh_error_text, prbvh_last_error};
 

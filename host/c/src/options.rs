@@ -1,13 +1,13 @@
 //! What a caller may ask for.
 
-use crate::input::check_pointer;
+use crate::input::{check_pointer, text};
 use crate::status::Failure;
 use bytemuck::Zeroable;
 use prbvh::build::{Bins, DEFAULT_RADIUS};
 use prbvh::bvh::MaxDepth;
 use prbvh::device::{DeviceChoice, Selection};
-use prbvh::pipeline::{Initial, Settings};
-use std::ffi::{c_int, c_void};
+use prbvh::pipeline::{Initial, Optimizer, Settings};
+use std::ffi::{c_char, c_int, c_void};
 use std::time::Duration;
 
 /// Where it runs.
@@ -36,6 +36,20 @@ pub enum PrbvhInitial {
     SahBinned = 2,
     /// SAH over all splits, on the CPU.
     SahSweep = 3,
+}
+
+/// What makes the tree better.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum PrbvhOptimizer {
+    /// PRBVH: reinsertions, the worst nodes first.
+    Prbvh = 0,
+    /// RBVH: reinsertions one after another, on one thread of the CPU.
+    Rbvh = 1,
+    /// Rotations.
+    Rotations = 2,
+    /// Nothing: the initial tree comes out.
+    None = 3,
 }
 
 /// How far a run is.
@@ -73,7 +87,7 @@ pub struct PrbvhOptions {
     pub device_index: u32,
     /// Threads of the CPU; 0: one per core. They end with the call.
     pub threads: u32,
-    /// A PrbvhInitial.
+    /// A PrbvhInitial; not looked at where there is an `initial_name`.
     pub initial: u32,
     /// Most iterations; 0: those of the library.
     pub max_iterations: u32,
@@ -81,8 +95,8 @@ pub struct PrbvhOptions {
     pub max_leaf: u32,
     /// Most links from the root to a leaf; 0: 63, UINT32_MAX: any.
     pub max_depth: u32,
-    /// 0.
-    pub reserved: u32,
+    /// A PrbvhOptimizer.
+    pub optimizer: u32,
     /// No iteration starts after so many seconds; 0: no limit.
     pub max_seconds: f64,
     /// No iteration starts at this cost or less; 0: no target.
@@ -91,6 +105,8 @@ pub struct PrbvhOptions {
     pub progress: PrbvhProgressFn,
     /// For `progress`.
     pub user: *mut c_void,
+    /// Which tree is optimised, by its name with parameters as the command has it: "hploc", "kmeans:q3", "aac:delta=8,epsilon=0.15". NULL: `initial`.
+    pub initial_name: *const c_char,
 }
 
 // SAFETY: zeros are 0, NULL and no function.
@@ -115,7 +131,7 @@ pub(crate) unsafe fn read(options: *const PrbvhOptions) -> Result<PrbvhOptions, 
     let read = unsafe { options.read() };
     // SAFETY: the caller's duty: there are `size` bytes.
     let rest = unsafe { std::slice::from_raw_parts(options.cast::<u8>().add(known), size - known) };
-    if rest.iter().any(|&byte| byte != 0) || read.reserved != 0 {
+    if rest.iter().any(|&byte| byte != 0) {
         return Err(Failure::argument("options has fields set that this version of prbvh does not know"));
     }
     Ok(read)
@@ -134,8 +150,21 @@ impl PrbvhOptions {
     }
 
     /// What a run is asked for.
-    pub(crate) fn settings(&self) -> Result<Settings, Failure> {
+    ///
+    /// # Safety
+    /// `initial_name` is NULL or leads to a string that ends with a 0.
+    pub(crate) unsafe fn settings(&self) -> Result<Settings, Failure> {
         let mut settings = Settings::default();
+        settings.optimizer = match self.optimizer {
+            0 => Optimizer::of_name("prbvh"),
+            1 => Optimizer::of_name("rbvh"),
+            2 => Optimizer::of_name("rotations"),
+            3 => Optimizer::of_name("none"),
+            _ => None,
+        }
+        .ok_or_else(|| {
+            Failure::argument(format!("options.optimizer is {}, but the last PrbvhOptimizer is 3", self.optimizer))
+        })?;
         let limits = settings.limits_mut();
         if self.max_iterations > 0 {
             limits.max_iterations = self.max_iterations;
@@ -157,7 +186,16 @@ impl PrbvhOptions {
                 Err(_) => return Err(wrong("max_seconds", self.max_seconds)),
             };
         }
+        // SAFETY: the caller's duty.
+        let name = unsafe { text("options.initial_name", self.initial_name) }?;
+        let named = |name: &str| {
+            let refused = |why: &dyn std::fmt::Display| Failure::argument(format!("options.initial_name: {why}"));
+            let known = Initial::of_name(name)
+                .ok_or_else(|| refused(&format_args!("{name:?} is none of {}", Initial::NAMES)))?;
+            known.map_err(|error| refused(&error))
+        };
         settings.initial = match self.initial {
+            _ if name.is_some() => named(name.unwrap_or_default())?,
             0 => Initial::Lbvh,
             1 => Initial::Ploc { radius: DEFAULT_RADIUS },
             2 => Initial::SahBinned { bins: Bins::DEFAULT },

@@ -122,7 +122,8 @@ pub(crate) fn run(
     out: Out,
 ) -> Result<(), Failure> {
     let start = std::time::Instant::now();
-    let (choice, settings) = (options.device()?, options.settings()?);
+    // SAFETY: the duty of whoever called the library: its functions say so of their options.
+    let (choice, settings) = (options.device()?, unsafe { options.settings() }?);
     let scene = scene()?;
     let mut device = device::open(choice, options.threads as usize, false)?;
     let done = pipeline::optimize(&scene, &mut *device, &settings, &mut |row| told(options, row))?;

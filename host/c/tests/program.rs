@@ -74,6 +74,11 @@ fn what_the_caller_does_wrong_has_a_status_and_a_text() {
         "0 ",
         "1 options.device is 9, but the last PrbvhDevice is 3",
         "1 options.max_seconds is -1, but must be at least 0",
+        "1 options.initial_name: \"random\" is none of lbvh, ploc",
+        "1 options.initial_name: kmeans.k is 65, but must be 2 to 64",
+        "1 options.initial_name is no UTF-8",
+        "1 options.optimizer is 4, but the last PrbvhOptimizer is 3",
+        "0 ",
         "1 result.size is 0, but sizeof(PrbvhResult) is ",
         "2 box 0: the smallest y is 2, above the largest, 1",
         "1 nodes is not aligned to 4 bytes",
@@ -84,7 +89,7 @@ fn what_the_caller_does_wrong_has_a_status_and_a_text() {
     for (line, wanted) in lines.iter().zip(wanted) {
         assert!(line.starts_with(wanted), "`{line}`, not `{wanted}`");
     }
-    assert!(lines[11].contains("NaN"), "{}", lines[11]);
+    assert!(lines[16].contains("NaN"), "{}", lines[16]);
 }
 
 #[test]
@@ -128,6 +133,19 @@ int main(void) {
     options.max_seconds = -1;
     say(prbvh_optimize_triangles(vertices, 4, indices, 2, &options, nodes, order, NULL));
     options.max_seconds = 0;
+    options.initial_name = "random";
+    say(prbvh_optimize_triangles(vertices, 4, indices, 2, &options, nodes, order, NULL));
+    options.initial_name = "kmeans:k=65";
+    say(prbvh_optimize_triangles(vertices, 4, indices, 2, &options, nodes, order, NULL));
+    options.initial_name = "\xff";
+    say(prbvh_optimize_triangles(vertices, 4, indices, 2, &options, nodes, order, NULL));
+    options.initial_name = "kmeans:q1";
+    options.optimizer = 4;
+    say(prbvh_optimize_triangles(vertices, 4, indices, 2, &options, nodes, order, NULL));
+    options.optimizer = PRBVH_OPTIMIZER_ROTATIONS;
+    say(prbvh_optimize_triangles(vertices, 4, indices, 2, &options, nodes, order, NULL));
+    options.optimizer = PRBVH_OPTIMIZER_PRBVH;
+    options.initial_name = NULL;
     say(prbvh_optimize_triangles(vertices, 4, indices, 2, &options, nodes, order, &result));
     say(prbvh_optimize_boxes(&box, 1, &options, nodes, order, NULL));
     say(prbvh_optimize_triangles(vertices, 4, indices, 2, &options, (PrbvhNode *)((char *)nodes + 1), order, NULL));

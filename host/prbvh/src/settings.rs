@@ -79,7 +79,7 @@ pub enum Initial {
         /// Its settings.
         aac: AacSettings,
     },
-    /// k-means (Meister & Bittner 2016), on the CPU.
+    /// k-means (Meister & Bittner 2016), on the device.
     #[cfg_attr(feature = "serde", serde(rename = "kmeans"))]
     KMeans {
         /// Its settings.
@@ -124,7 +124,15 @@ pub enum Initial {
 impl Initial {
     /// Whether it is built from Morton codes.
     pub(crate) fn has_codes(&self) -> bool {
-        matches!(self, Self::Lbvh | Self::Ploc { .. } | Self::Atrbvh { .. } | Self::Trbvh { .. } | Self::Hploc { .. })
+        matches!(
+            self,
+            Self::Lbvh
+                | Self::Ploc { .. }
+                | Self::Atrbvh { .. }
+                | Self::Trbvh { .. }
+                | Self::Hploc { .. }
+                | Self::KMeans { .. }
+        )
     }
 
     /// As on the command line, but no path.

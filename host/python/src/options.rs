@@ -1,9 +1,8 @@
 //! What a caller may ask for.
 
-use prbvh::build::{Bins, DEFAULT_RADIUS};
 use prbvh::bvh::MaxDepth;
 use prbvh::device::DeviceChoice;
-use prbvh::pipeline::{Initial, Settings};
+use prbvh::pipeline::{Initial, Optimizer, Settings};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::time::Duration;
@@ -20,6 +19,7 @@ pub(crate) struct Options<'py>(
     u32,
     Option<u32>,
     Option<Bound<'py, PyAny>>,
+    String,
 );
 
 fn wrong(name: &str, value: impl std::fmt::Display, need: &str) -> PyErr {
@@ -44,8 +44,11 @@ impl<'py> Options<'py> {
 
     /// What a run is asked for.
     pub(crate) fn settings(&self) -> PyResult<Settings> {
-        let Self(_, _, initial, max_iterations, max_time, target_cost, max_leaf, max_depth, _) = self;
+        let Self(_, _, initial, max_iterations, max_time, target_cost, max_leaf, max_depth, _, optimizer) = self;
         let mut settings = Settings::default();
+        settings.optimizer = Optimizer::of_name(optimizer).ok_or_else(|| {
+            wrong("optimizer", format_args!("{optimizer:?}"), &format!("one of {}", Optimizer::NAMES))
+        })?;
         let limits = settings.limits_mut();
         if let Some(most) = max_iterations {
             limits.max_iterations = *most;
@@ -60,16 +63,9 @@ impl<'py> Options<'py> {
             }
             limits.target_cost = Some(cost);
         }
-        settings.initial = match initial.as_str() {
-            "lbvh" => Initial::Lbvh,
-            "ploc" => Initial::Ploc { radius: DEFAULT_RADIUS },
-            "sah-binned" => Initial::SahBinned { bins: Bins::DEFAULT },
-            "sah-sweep" => Initial::SahSweep,
-            other => {
-                let need = "lbvh, ploc, sah-binned or sah-sweep";
-                return Err(wrong("initial", format_args!("{other:?}"), need));
-            }
-        };
+        settings.initial = Initial::of_name(initial)
+            .ok_or_else(|| wrong("initial", format_args!("{initial:?}"), &format!("one of {}", Initial::NAMES)))?
+            .map_err(|error| PyValueError::new_err(format!("initial: {error}")))?;
         settings.max_depth = match max_depth {
             None => MaxDepth::OFF,
             Some(0) => return Err(wrong("max_depth", 0, "at least 1, or None")),

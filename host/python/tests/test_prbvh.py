@@ -89,9 +89,13 @@ class Trees(unittest.TestCase):
 
     def test_options(self):
         vertices, triangles = soup(1000)
-        for initial in ["lbvh", "ploc", "sah-binned", "sah-sweep"]:
+        for initial in ["lbvh", "ploc", "sah-binned", "sah-sweep", "trbvh", "hploc", "kmeans:q1", "aac:delta=8,epsilon=0.15"]:
             tree = prbvh.optimize(vertices, triangles, device="cpu", threads=1, initial=initial, max_iterations=2)
             self.assertEqual((tree.report["iterations"], tree.report["stop"]), (2, "iteration limit"))
+        for optimizer in ["none", "rotations", "rbvh"]:
+            tree = prbvh.optimize(vertices, triangles, device="cpu", initial="phr:fast", optimizer=optimizer, max_iterations=1)
+            self.assertEqual(tree.report["iterations"], 0 if optimizer == "none" else 1)
+            self.assertEqual(tree.report["cost"] < tree.report["initial_cost"], optimizer != "none")
         shallow = prbvh.optimize(vertices, triangles, device="cpu", max_depth=12)
         self.assertLessEqual(shallow.report["max_depth"], 12)
         self.assertEqual(shallow.report["max_links"], 12)
@@ -133,7 +137,9 @@ class Mistakes(unittest.TestCase):
         vertices, _ = soup(10)
         for name, value, text in [
             ("device", "tpu", 'device is "tpu", but must be auto, cpu, vulkan or vulkan:N'),
-            ("initial", "random", 'initial is "random"'),
+            ("initial", "random", 'initial is "random", but must be one of lbvh'),
+            ("initial", "kmeans:k=65", "initial: kmeans.k is 65, but must be 2 to 64"),
+            ("optimizer", "best", 'optimizer is "best", but must be one of prbvh, rbvh'),
             ("max_leaf", 0, "max_leaf is 0, but must be at least 1"),
             ("max_depth", 0, "max_depth is 0, but must be at least 1, or None"),
             ("max_depth", 2, "max_depth"),

@@ -10,7 +10,7 @@ use super::values::{not_negative, threads};
 use super::wide_args::WideArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
-use prbvh::build::{Bins, DEFAULT_HPLOC_RADIUS, DEFAULT_PASSES, DEFAULT_RADIUS, MortonBits, TreeletSize};
+use prbvh::build::{Bins, MortonBits, TreeletSize};
 use prbvh::bvh::MaxDepth;
 use prbvh::device::DeviceChoice;
 use prbvh::optimize::{Epsilon, Order, Strategy};
@@ -216,23 +216,10 @@ fn initial(text: OsString) -> Result<Initial, String> {
     if let Some(named) = text.to_str().and_then(Initial::of_name) {
         return named.map_err(|error| error.to_string());
     }
-    match text.to_str() {
-        Some("lbvh") => Ok(Initial::Lbvh),
-        Some("ploc") => Ok(Initial::Ploc { radius: DEFAULT_RADIUS }),
-        Some("atrbvh") => Ok(Initial::Atrbvh { treelet: TreeletSize::default() }),
-        Some("trbvh") => Ok(Initial::Trbvh { passes: DEFAULT_PASSES }),
-        Some("hploc") => Ok(Initial::Hploc { radius: DEFAULT_HPLOC_RADIUS }),
-        Some("sah-sweep") => Ok(Initial::SahSweep),
-        Some("sah-binned") => Ok(Initial::SahBinned { bins: Bins::DEFAULT }),
-        Some("sbvh") => Ok(Initial::Sbvh),
-        _ if Path::new(&text).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("bvh")) => {
-            Ok(Initial::File { path: text.into() })
-        }
-        _ => Err(format!(
-            "neither lbvh, ploc, atrbvh, trbvh, hploc, sah-sweep, sah-binned, sbvh, {} nor a tree file that ends in .bvh",
-            Initial::NAMES
-        )),
+    if Path::new(&text).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("bvh")) {
+        return Ok(Initial::File { path: text.into() });
     }
+    Err(format!("neither {} nor a tree file that ends in .bvh", Initial::NAMES))
 }
 
 fn treelet(text: &str) -> Result<TreeletSize, String> {
@@ -249,6 +236,7 @@ fn bins(text: &str) -> Result<Bins, String> {
 mod tests {
     use super::super::args::{Cli, settings};
     use super::*;
+    use prbvh::build::{DEFAULT_HPLOC_RADIUS, DEFAULT_PASSES, DEFAULT_RADIUS};
     use prbvh::optimize::{PrbvhSettings, RbvhSettings};
 
     #[test]

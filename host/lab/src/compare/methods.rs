@@ -3,7 +3,7 @@
 use super::on_host::{HostBuilder, builder, named, rbvh_as_published, rbvh_with_undo};
 use super::peers;
 use crate::presets::{self, Candidate};
-use prbvh::build::{self, Bins, DEFAULT_HPLOC_RADIUS, DEFAULT_RADIUS};
+use prbvh::build::{self, Bins, DEFAULT_HPLOC_RADIUS, DEFAULT_RADIUS, KMeansSettings};
 #[cfg(feature = "atrbvh")]
 use prbvh::build::{DEFAULT_PASSES, TreeletSize};
 use prbvh::optimize::{Order, RotationSettings};
@@ -136,13 +136,9 @@ const METHODS: &[Entry] = &[
         name: "kmeans",
         is_default: true,
         jobs: |_| {
-            vec![
-                on_host!("kmeans:q1"),
-                on_host!("kmeans:q2"),
-                on_host!("kmeans:q3"),
-                on_host!("kmeans:q4"),
-                on_host!("kmeans:q5"),
-            ]
+            use KMeansSettings as S;
+            let kmeans = |kmeans| initial(format!("kmeans:{kmeans}"), Initial::KMeans { kmeans });
+            [S::Q1, S::Q2, S::Q3, S::Q4, S::Q5].map(kmeans).into()
         },
     },
     Entry { name: "insertion", is_default: true, jobs: |_| vec![on_host!("insertion:greedy"), on_host!("insertion")] },

@@ -4,6 +4,7 @@ use super::Bins;
 use super::top_down::{Part, SERIAL, Split, in_range, stable_partition, top_down};
 use crate::stop::Stop;
 use prbvh_kernel::aabb::Aabb;
+use prbvh_kernel::math::{max, min};
 use prbvh_kernel::node::Node;
 use prbvh_kernel::setup::Triangle;
 use rayon::prelude::*;
@@ -39,24 +40,66 @@ pub(crate) fn binned_until(triangles: &[Triangle], bins: Bins, stop: Option<&Sto
     }
     let mut references: Vec<Reference> = {
         let split = in_range(triangles);
-        split.par_iter().zip(0u32..split.len() as u32).map(|(t, id)| Reference { aabb: t.aabb(), id }).collect()
+        split.par_iter().zip(0u32..split.len() as u32).map(|(t, id)| Reference::of(&t.aabb(), id)).collect()
     };
     let mut spare = references.clone();
-    let part = Binned { bins: bins.get() as usize, references: &mut references, spare: &mut spare };
+    let centres = centres(&references);
+    let part = Binned { bins: bins.get() as usize, references: &mut references, spare: &mut spare, centres };
     top_down(part, triangles, stop)
+}
+
+/// Corners of a box, or a range of points, as four numbers each, of which the last is 0: the ordinary compiler makes one instruction of a union's four.
+#[derive(Clone, Copy)]
+struct Corners {
+    min: [f32; 4],
+    max: [f32; 4],
+}
+
+impl Corners {
+    const EMPTY: Self = Self { min: [f32::INFINITY; 4], max: [f32::NEG_INFINITY; 4] };
+
+    fn at(point: [f32; 4]) -> Self {
+        Self { min: point, max: point }
+    }
+
+    fn union(self, other: Self) -> Self {
+        let mut all = self;
+        for k in 0..4 {
+            all.min[k] = min(self.min[k], other.min[k]);
+            all.max[k] = max(self.max[k], other.max[k]);
+        }
+        all
+    }
+
+    fn half_area(&self) -> f32 {
+        let ([a, b, c, _], [d, e, f, _]) = (self.min, self.max);
+        Aabb { min: [a, b, c], max: [d, e, f] }.half_area()
+    }
 }
 
 /// A box stays with its reference: whoever goes over a part goes over one piece of memory.
 #[derive(Clone, Copy)]
 struct Reference {
-    aabb: Aabb,
+    min: [f32; 3],
     id: u32,
+    max: [f32; 3],
+    zero: f32,
 }
 
 impl Reference {
+    fn of(aabb: &Aabb, id: u32) -> Self {
+        Self { min: aabb.min, id, max: aabb.max, zero: 0.0 }
+    }
+
+    fn corners(&self) -> Corners {
+        let ([a, b, c], [d, e, f]) = (self.min, self.max);
+        Corners { min: [a, b, c, 0.0], max: [d, e, f, self.zero] }
+    }
+
     /// Twice the centre: the factor changes no split.
-    fn centre(&self, axis: usize) -> f32 {
-        self.aabb.min[axis] + self.aabb.max[axis]
+    fn centre(&self) -> [f32; 4] {
+        let Corners { min, max } = self.corners();
+        [min[0] + max[0], min[1] + max[1], min[2] + max[2], 0.0]
     }
 }
 
@@ -66,24 +109,22 @@ struct Binned<'a> {
     references: &'a mut [Reference],
     /// As long.
     spare: &'a mut [Reference],
+    /// Around all centres.
+    centres: Corners,
 }
 
 /// What lies in a bin.
 #[derive(Clone, Copy)]
 struct Bin {
-    aabb: Aabb,
+    corners: Corners,
     references: usize,
 }
 
 impl Bin {
-    const EMPTY: Self = Self { aabb: Aabb::EMPTY, references: 0 };
-
-    fn of(reference: &Reference) -> Self {
-        Self { aabb: reference.aabb, references: 1 }
-    }
+    const EMPTY: Self = Self { corners: Corners::EMPTY, references: 0 };
 
     fn union(self, other: Self) -> Self {
-        Self { aabb: self.aabb.union(other.aabb), references: self.references + other.references }
+        Self { corners: self.corners.union(other.corners), references: self.references + other.references }
     }
 }
 
@@ -93,18 +134,18 @@ type AllBins = [[Bin; MOST]; 3];
 #[derive(Clone, Copy)]
 struct Grid {
     bins: usize,
-    origin: [f32; 3],
+    origin: [f32; 4],
     /// Bins per unit; 0 where all centres are the same.
-    scale: [f32; 3],
+    scale: [f32; 4],
 }
 
 impl Grid {
-    fn of(centres: &Aabb, bins: usize) -> Self {
+    fn of(centres: &Corners, bins: usize) -> Self {
         let scale = |axis: usize| {
             let extent = centres.max[axis] - centres.min[axis];
             if extent > 0.0 { bins as f32 / extent } else { 0.0 }
         };
-        Self { bins, origin: centres.min, scale: [scale(0), scale(1), scale(2)] }
+        Self { bins, origin: centres.min, scale: [scale(0), scale(1), scale(2), 0.0] }
     }
 
     /// Axes on which not all lie in one bin.
@@ -113,9 +154,10 @@ impl Grid {
         (0..3).filter(move |&axis| scale[axis] > 0.0)
     }
 
-    /// Grows with the coordinate. The smallest centre is in bin 0, the largest in the last one.
-    fn bin(&self, axis: usize, reference: &Reference) -> usize {
-        (((reference.centre(axis) - self.origin[axis]) * self.scale[axis]) as usize).min(self.bins - 1)
+    /// Grows with the coordinate. The smallest centre is in bin 0, the largest in the last one; on an axis of no extent all are in bin 0.
+    fn bin(&self, axis: usize, centre: [f32; 4]) -> usize {
+        // No centre of the part is below the origin, and none is so far above that 32 bits are too few.
+        (((centre[axis] - self.origin[axis]) * self.scale[axis]) as i32 as usize).min(self.bins - 1)
     }
 }
 
@@ -132,21 +174,15 @@ impl Binned<'_> {
         mapped.into_iter().reduce(fold).expect("a part has references")
     }
 
-    fn centres(&self) -> Aabb {
-        let map = |references: &[Reference]| {
-            let points = references.iter().map(|reference| [0, 1, 2].map(|axis| reference.centre(axis)));
-            points.fold(Aabb::EMPTY, |sum, point| sum.union(Aabb { min: point, max: point }))
-        };
-        self.map_chunks(map, Aabb::union)
-    }
-
     fn fill(&self, grid: &Grid) -> AllBins {
         let map = |references: &[Reference]| {
             let mut bins = [[Bin::EMPTY; MOST]; 3];
             for reference in references {
-                for axis in grid.axes() {
-                    let bin = &mut bins[axis][grid.bin(axis, reference)];
-                    *bin = bin.union(Bin::of(reference));
+                let (centre, corners) = (reference.centre(), reference.corners());
+                for (axis, bins) in bins.iter_mut().enumerate() {
+                    let bin = &mut bins[grid.bin(axis, centre)];
+                    bin.corners = bin.corners.union(corners);
+                    bin.references += 1;
                 }
             }
             bins
@@ -180,28 +216,30 @@ impl Binned<'_> {
     /// As [`split_bins`], without the bins that hold nothing.
     fn split_few(&self, grid: &Grid, axis: usize, best: &mut Option<Place>) {
         let n = self.references.len();
-        let mut sorted = [(0, Bin::EMPTY); FEW];
+        // Bin and place in one word: a few bytes are sorted, not boxes.
+        let mut sorted = [0u16; FEW];
         for (k, reference) in self.references.iter().enumerate() {
-            let bin = grid.bin(axis, reference);
+            let key = (grid.bin(axis, reference.centre()) << 8 | k) as u16;
             let mut at = k;
-            while at > 0 && sorted[at - 1].0 > bin {
+            while at > 0 && sorted[at - 1] > key {
                 sorted[at] = sorted[at - 1];
                 at -= 1;
             }
-            sorted[at] = (bin, Bin::of(reference));
+            sorted[at] = key;
         }
+        let corners = |key: u16| self.references[usize::from(key & 0xff)].corners();
         let mut right = [0.0; FEW];
-        let mut sum = Bin::EMPTY;
+        let mut sum = Corners::EMPTY;
         for k in (1..n).rev() {
-            sum = sum.union(sorted[k].1);
-            right[k] = sum.aabb.half_area();
+            sum = sum.union(corners(sorted[k]));
+            right[k] = sum.half_area();
         }
-        let mut left = Bin::EMPTY;
+        let mut left = Corners::EMPTY;
         for k in 1..n {
-            let (bin, of) = sorted[k - 1];
-            left = left.union(of);
-            if sorted[k].0 > bin {
-                offer((Split::new(left.aabb.half_area(), right[k], k, n), axis, bin + 1), n, best);
+            let bin = sorted[k - 1] >> 8;
+            left = left.union(corners(sorted[k - 1]));
+            if sorted[k] >> 8 > bin {
+                offer((Split::new(left.half_area(), right[k], k, n), axis, usize::from(bin) + 1), n, best);
             }
         }
     }
@@ -209,19 +247,18 @@ impl Binned<'_> {
 
 /// Looks at every split between two bins of an axis of `n` references that leaves neither side empty.
 fn split_bins(bins: &[Bin], (axis, n): (usize, usize), best: &mut Option<Place>) {
-    let mut right = [Bin::EMPTY; MOST];
-    let mut sum = Bin::EMPTY;
+    let mut right = [0.0; MOST];
+    let mut sum = Corners::EMPTY;
     for k in (1..bins.len()).rev() {
-        sum = sum.union(bins[k]);
-        right[k] = sum;
+        sum = sum.union(bins[k].corners);
+        right[k] = sum.half_area();
     }
     let mut left = Bin::EMPTY;
     for k in 1..bins.len() {
         left = left.union(bins[k - 1]);
         // Behind an empty bin the split is the one before.
-        if bins[k - 1].references > 0 && right[k].references > 0 {
-            let areas = (left.aabb.half_area(), right[k].aabb.half_area());
-            offer((Split::new(areas.0, areas.1, left.references, n), axis, k), n, best);
+        if bins[k - 1].references > 0 && left.references < n {
+            offer((Split::new(left.corners.half_area(), right[k], left.references, n), axis, k), n, best);
         }
     }
 }
@@ -232,7 +269,21 @@ fn offer(place: Place, n: usize, best: &mut Option<Place>) {
     }
 }
 
-/// [`stable_partition`], by all threads where it is worth it. Returns how many are left, the references and what is spare.
+/// Around the centres of some references, by all threads where it is worth it.
+fn centres(references: &[Reference]) -> Corners {
+    let of = |references: &[Reference]| {
+        let points = references.iter().map(|reference| Corners::at(reference.centre()));
+        points.fold(Corners::EMPTY, Corners::union)
+    };
+    match references.len() {
+        // Nobody asks.
+        0..=2 => Corners::EMPTY,
+        few if few < 2 * SERIAL => of(references),
+        _ => references.par_chunks(SERIAL).map(of).reduce(|| Corners::EMPTY, Corners::union),
+    }
+}
+
+/// Moves the references on the left to the front, in their order, by all threads where it is worth it. Returns how many they are, the references, and what is spare.
 fn partition<'a>(
     references: &'a mut [Reference],
     spare: &'a mut [Reference],
@@ -273,15 +324,29 @@ impl Part for Binned<'_> {
 
     fn split(self) -> (Self, Self) {
         let bins = self.bins;
-        let grid = Grid::of(&self.centres(), bins);
-        let best = self.best_split(&grid);
-        let Self { references, spare, .. } = self;
-        let (left, references, spare) = match best {
-            Some((_, axis, bin)) => partition(references, spare, |reference| grid.bin(axis, reference) < bin),
-            None => (references.len() / 2, references, spare),
+        let (left, references, spare) = if let [a, b] = self.references {
+            // Half of all splits: the cost is the same on each axis.
+            let (p, q) = (a.centre(), b.centre());
+            if (0..3).find(|&axis| p[axis] != q[axis]).is_some_and(|axis| q[axis] < p[axis]) {
+                std::mem::swap(a, b);
+            }
+            (1, self.references, self.spare)
+        } else {
+            let grid = Grid::of(&self.centres, bins);
+            let best = self.best_split(&grid);
+            let Self { references, spare, .. } = self;
+            match best {
+                Some((_, axis, bin)) => {
+                    partition(references, spare, |reference| grid.bin(axis, reference.centre()) < bin)
+                }
+                None => (references.len() / 2, references, spare),
+            }
         };
         let (references, spare) = (references.split_at_mut(left), spare.split_at_mut(left));
-        let part = |references, spare| Self { bins, references, spare };
-        (part(references.0, spare.0), part(references.1, spare.1))
+        let around = (centres(references.0), centres(references.1));
+        (
+            Self { bins, references: references.0, spare: spare.0, centres: around.0 },
+            Self { bins, references: references.1, spare: spare.1, centres: around.1 },
+        )
     }
 }

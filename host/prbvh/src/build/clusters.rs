@@ -47,10 +47,6 @@ impl Clusters {
         all
     }
 
-    pub(super) fn len(&self) -> usize {
-        self.0.len()
-    }
-
     /// The only one that is left.
     pub(super) fn only(&self) -> Option<&Cluster> {
         if let [only] = &self.0[..] { Some(only) } else { None }

@@ -1,31 +1,33 @@
 //! k-means (Meister & Bittner 2016, *Parallel BVH Construction Using k-means Clustering*): from the top down each part becomes up to `k` clusters of boxes
-//! that are alike, and these become a binary subtree by agglomeration.
-//!
-//! A box is a point of six coordinates, its smallest and its largest corner (§3.1). The means are sums of whole numbers, so that no order of adding
-//! changes them.
+//! that are alike, and these become a binary subtree by agglomeration. What the kernels do is in [`prbvh_kernel::kmeans`].
 
-use super::clusters::{Cluster, Clusters};
-use super::top_down::{Part, SERIAL, in_range, top_down};
+use super::codes::Codes;
+use super::order::MortonOrder;
+use super::sort::Sorter;
+use super::{DeviceTree, Scratch, arrivals_length, record_refit};
 use crate::check::{SettingError, must};
+use crate::device::{Buffer, Device, DeviceError, Lease, Recording, Timing};
 use crate::parameters::parameters;
 use crate::random::Random;
-use crate::stop::Stop;
-use prbvh_kernel::aabb::Aabb;
-use prbvh_kernel::node::Node;
+use prbvh_kernel::kmeans::{
+    AssignParams, CHUNK, CentresParams, Frame, HalveParams, JoinParams, MOST_CANDIDATES, MOST_CLUSTERS, MeansParams,
+    PER_CLUSTER, Part, Point, RelabelParams, TALLY_WORDS, TallyParams,
+};
+use prbvh_kernel::lbvh::LeavesParams;
 use prbvh_kernel::setup::Triangle;
-use rayon::prelude::*;
-use std::sync::Arc;
+use prbvh_kernel::{Kernel, grid};
+use std::borrow::Cow;
 
 /// Settings of [`kmeans`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 #[non_exhaustive]
 pub struct KMeansSettings {
-    /// Clusters of a part, 2 to 256.
+    /// Clusters of a part, 2 to 64.
     pub k: u32,
-    /// References that are drawn for each centre after the first: the one farthest from the centres before it is taken. 1 to 65,536.
+    /// References that are drawn for each centre after the first: the one farthest from the centres before it is taken. 1 to 30.
     pub p: u32,
-    /// Rounds in which the centres become the means of their clusters; 0: the clusters are those of the first centres.
+    /// Rounds in which the centres become the means of their clusters, 200 at most; 0: the clusters are those of the first centres.
     pub i: u32,
     /// Seed of the draws.
     pub seed: u64,
@@ -48,8 +50,9 @@ impl KMeansSettings {
     /// # Errors
     /// The first that makes none.
     pub fn check(&self) -> Result<(), SettingError> {
-        must("kmeans.k", self.k, (2..=256).contains(&self.k), "2 to 256")?;
-        must("kmeans.p", self.p, (1..=1 << 16).contains(&self.p), "1 to 65536")
+        must("kmeans.k", self.k, (2..=MOST_CLUSTERS).contains(&self.k), "2 to 64")?;
+        must("kmeans.p", self.p, (1..=MOST_CANDIDATES).contains(&self.p), "1 to 30")?;
+        must("kmeans.i", self.i, self.i <= MOST_ROUNDS, "200 or less")
     }
 }
 
@@ -66,315 +69,249 @@ parameters!(
     k, p, i, seed
 );
 
-/// Parts of fewer references per cluster are split in two instead.
-const LEAST_PER_CLUSTER: usize = 4;
+/// Most rounds: a small part is split within the loops that a device lets a kernel make.
+const MOST_ROUNDS: u32 = 200;
 
-/// Deepest level of clusters; parts below it are halved. Only made-up inputs come so far.
+/// Rounds of all loops of a kernel, with room to 65,535, after which lavapipe leaves them.
+const LOOPS: u32 = 60_000;
+const _: () = assert!(PER_CLUSTER * MOST_CLUSTERS * (MOST_ROUNDS + 3) + MOST_CANDIDATES <= LOOPS);
+
+/// Levels of clusters after which large parts are halved. Only made-up inputs come so far.
 const MOST_LEVELS: u32 = 64;
 
-/// Largest coordinate of a point as a whole number: sums of 2^31 have 62 bits.
-const FINEST: f64 = 2_147_483_647.0;
+/// Halvings that make every part small.
+const MOST_HALVINGS: u32 = 31;
 
-/// Builds a tree of one triangle per leaf on the CPU by k-means, with all threads of the current rayon pool; the tree does not depend on their number.
-/// Returns `nodes[2n-1]` for [`DeviceTree::upload`](super::DeviceTree::upload), numbered depth-first. `triangles` are finite and of any size.
+/// Why there is no tree by [`kmeans`].
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum KMeansError {
+    /// A setting makes no sense. Nothing has run.
+    #[error(transparent)]
+    Setting(#[from] SettingError),
+    /// The device refused or failed.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+}
+
+/// Builds a tree over `triangles`, whose coordinates are in the safe range (`crate::scene::SafeRange`). Returns it with the times of its stages. Triangles that are
+/// handed over are freed as soon as the device has them.
 ///
-/// Of equally near centres the first is taken. References whose boxes are all the same are halved in their order.
-/// Of no triangles there is no tree, and no nodes.
+/// References begin in Morton order. Of equally near centres the first is taken. A part of which all references come to one cluster is halved in its order.
 ///
 /// # Errors
-/// If a setting makes no sense.
-pub fn kmeans(triangles: &[Triangle], settings: &KMeansSettings) -> Result<Vec<Node>, SettingError> {
-    settings.check()?;
-    Ok(kmeans_until(triangles, settings, None).unwrap_or_default())
-}
-
-/// [`kmeans`] with settings that make sense; none of no triangles, or if an end was asked for.
-pub(crate) fn kmeans_until(
-    triangles: &[Triangle],
+/// If a setting makes no sense, there are no triangles, they do not fit the device or [are out of range](crate::scene::SafeRange::check), or the device fails.
+pub fn kmeans<'a>(
+    device: &mut dyn Device,
+    triangles: impl Into<Cow<'a, [Triangle]>>,
+    codes: impl Into<Codes>,
     settings: &KMeansSettings,
-    stop: Option<&Stop>,
-) -> Option<Vec<Node>> {
-    if triangles.is_empty() {
-        return None;
+) -> Result<(DeviceTree, Vec<Timing>), KMeansError> {
+    settings.check()?;
+    Ok(kmeans_unchecked(device, triangles, codes, settings)?)
+}
+
+/// [`kmeans`] with settings that make sense.
+pub(crate) fn kmeans_unchecked<'a>(
+    device: &mut dyn Device,
+    triangles: impl Into<Cow<'a, [Triangle]>>,
+    codes: impl Into<Codes>,
+    settings: &KMeansSettings,
+) -> Result<(DeviceTree, Vec<Timing>), DeviceError> {
+    let device = &mut Lease::new(device);
+    let mut recording = Recording::new();
+    let (mut sorted, mut timings) = MortonOrder::record(&mut recording, device, triangles.into(), codes.into())?;
+    timings.extend(device.run(&recording)?);
+    sorted.free_codes(device);
+    let n = sorted.references;
+    let tree = DeviceTree::allocate(device, n)?;
+    let mut recording = Recording::new();
+    if n > 1 {
+        let mut scratch = Scratch::default();
+        let clustering = Clustering::new(&mut scratch, device, &sorted, &tree, *settings)?;
+        clustering.run(device, &mut timings)?;
+        scratch.free(device);
     }
-    let boxes: Vec<Aabb> = in_range(triangles).par_iter().map(Triangle::aabb).collect();
-    let mut ids: Vec<u32> = (0..boxes.len() as u32).collect();
-    let mut spare = vec![0; boxes.len()];
-    let (ids, spare) = (&mut ids[..], &mut spare[..]);
-    top_down(Means { boxes: &boxes, settings, ids, spare, start: 0, level: 0, subtree: None }, triangles, stop)
+    let leaves = LeavesParams { count: n };
+    recording.dispatch("leaves", Kernel::LbvhLeaves, n, &leaves, &[&sorted.order, &sorted.boxes, &tree.nodes]);
+    let mut scratch = Scratch::default();
+    let arrivals = scratch.allocate(device, "arrivals", arrivals_length(n), 4)?;
+    record_refit(&mut recording, n, &tree.nodes, &arrivals);
+    timings.extend(device.run(&recording)?);
+    scratch.free(device);
+    sorted.free(device);
+    device.keep();
+    Ok((tree, timings))
 }
 
-/// A box as a point.
-type Point = [f32; 6];
-
-fn point(aabb: &Aabb) -> Point {
-    let Aabb { min: [a, b, c], max: [d, e, f] } = *aabb;
-    [a, b, c, d, e, f]
+/// What is between the order of the references and the links of the tree.
+struct Clustering<'a> {
+    sorted: &'a MortonOrder,
+    tree: &'a DeviceTree,
+    settings: KMeansSettings,
+    /// What draws are made of.
+    seed: u32,
+    /// Large parts of a level, and of the next.
+    parts: [Buffer; 2],
+    /// First places of small parts, and how far each is.
+    small: Buffer,
+    cursors: Buffer,
+    /// Large parts of the next level, small parts so far.
+    progress: Buffer,
+    /// Of places: the first one of their part, and the cluster in it.
+    starts: Buffer,
+    labels: Buffer,
+    /// By first place.
+    sizes: Buffer,
+    /// By slot.
+    frames: Buffer,
+    centres: Buffer,
+    tallies: Buffer,
+    targets: Buffer,
+    sorter: Sorter,
 }
 
-/// Squared.
-fn distance(a: &Point, b: &Point) -> f32 {
-    let mut sum = 0.0;
-    for k in 0..6 {
-        let d = a[k] - b[k];
-        sum += d * d;
-    }
-    sum
-}
-
-/// References, and the binary subtree over clusters of them that is being walked down.
-struct Means<'a> {
-    boxes: &'a [Aabb],
-    settings: &'a KMeansSettings,
-    ids: &'a mut [u32],
-    spare: &'a mut [u32],
-    /// Place of the first one among all.
-    start: usize,
-    /// Levels of clusters above.
-    level: u32,
-    subtree: Option<Subtree>,
-}
-
-/// A place in a binary tree over clusters, whose references lie in the order of its leaves.
-#[derive(Clone)]
-struct Subtree {
-    pairs: Arc<[Pair]>,
-    at: usize,
-}
-
-/// Two of a binary tree over clusters.
-struct Pair {
-    /// References of the left one.
-    left: usize,
-    /// Those that are pairs, by their places.
-    children: [Option<usize>; 2],
-}
-
-impl Means<'_> {
-    /// Makes clusters and puts the references in the order of the binary tree over these. None where all boxes are the same.
-    fn cluster(&mut self) -> Option<Subtree> {
-        if self.level >= MOST_LEVELS {
-            return None;
-        }
-        let (k, labels) = self.labels()?;
-        let mut sizes = vec![0usize; k];
-        let mut boxes = vec![Aabb::EMPTY; k];
-        for (&id, &label) in self.ids.iter().zip(&labels) {
-            let label = usize::from(label);
-            sizes[label] += 1;
-            boxes[label] = boxes[label].union(self.boxes[id as usize]);
-        }
-        let mut joined: Vec<[u32; 2]> = Vec::with_capacity(k);
-        let taken = (0..k).filter(|&label| sizes[label] > 0);
-        let mut clusters = Clusters::new(taken.map(|label| Cluster::of(label as u32, boxes[label])));
-        if clusters.len() < 2 {
-            return None;
-        }
-        clusters.merge_down(1, |a, b| {
-            joined.push([a, b]);
-            Some((k + joined.len() - 1) as u32)
-        })?;
-        let (pairs, order) = subtree(k as u32, &joined, &sizes);
-
-        // Where the references of each cluster begin.
-        let mut places = vec![0; k];
-        let mut next = 0;
-        for label in order {
-            places[label] = next;
-            next += sizes[label];
-        }
-        for (&id, &label) in self.ids.iter().zip(&labels) {
-            let place = &mut places[usize::from(label)];
-            self.spare[*place] = id;
-            *place += 1;
-        }
-        self.ids.copy_from_slice(self.spare);
-        Some(Subtree { pairs: pairs.into(), at: 0 })
-    }
-
-    /// How many clusters there may be, and the one of each reference. None where all boxes are the same.
-    fn labels(&self) -> Option<(usize, Vec<u8>)> {
-        let n = self.ids.len();
-        let origin = self.smallest();
-        let largest = self.fold(
-            |sum: Point, p| std::array::from_fn(|k| sum[k].max(p[k] - origin[k])),
-            [0.0; 6],
-            |a, b| std::array::from_fn(|k| a[k].max(b[k])),
-        );
-        let extent = largest.into_iter().fold(0.0, f32::max);
-        if extent <= 0.0 {
-            return None;
-        }
-        let k = self.settings.k as usize;
-        let k = if n < LEAST_PER_CLUSTER * k { 2 } else { k };
-        let mut centres = self.first_centres(k);
-        let mut labels = vec![0; n];
-        self.assign(&centres, &mut labels);
-        let scale = FINEST / f64::from(extent);
-        for _ in 0..self.settings.i {
-            let sums = self.sums(&labels, k, &origin, scale);
-            for (centre, (sum, count)) in centres.iter_mut().zip(sums) {
-                if count > 0 {
-                    let mean = |k: usize| f64::from(origin[k]) + sum[k] as f64 / count as f64 / scale;
-                    *centre = std::array::from_fn(|k| mean(k) as f32);
-                }
-            }
-            if !self.assign(&centres, &mut labels) {
-                break;
-            }
-        }
-        Some((k, labels))
-    }
-
-    /// Each is drawn from the part; after the first the one of `p` that is farthest from those before it.
-    fn first_centres(&self, k: usize) -> Vec<Point> {
-        let n = self.ids.len() as u32;
-        // A part has a start and a length that no other one has.
-        let place = (self.start as u64) << 32 | u64::from(n);
-        let mut random = Random::new(Random::new(self.settings.seed ^ place).bits());
-        let mut draw = || point(&self.boxes[self.ids[random.below(n) as usize] as usize]);
-        let mut centres = vec![draw()];
-        while centres.len() < k {
-            let mut farthest = (draw(), f32::NEG_INFINITY);
-            for candidate in 0..self.settings.p {
-                let drawn = if candidate == 0 { farthest.0 } else { draw() };
-                let nearest = centres.iter().map(|centre| distance(centre, &drawn)).fold(f32::INFINITY, f32::min);
-                if nearest > farthest.1 {
-                    farthest = (drawn, nearest);
-                }
-            }
-            centres.push(farthest.0);
-        }
-        centres
-    }
-
-    /// Gives each reference the nearest centre, the first of equal ones. Whether one changed.
-    fn assign(&self, centres: &[Point], labels: &mut [u8]) -> bool {
-        let assign = |(ids, labels): (&[u32], &mut [u8])| {
-            let mut is_changed = false;
-            for (&id, label) in ids.iter().zip(labels) {
-                let point = point(&self.boxes[id as usize]);
-                let mut nearest = (0, f32::INFINITY);
-                for (k, centre) in centres.iter().enumerate() {
-                    let distance = distance(centre, &point);
-                    if distance < nearest.1 {
-                        nearest = (k as u8, distance);
-                    }
-                }
-                is_changed |= *label != nearest.0;
-                *label = nearest.0;
-            }
-            is_changed
+impl<'a> Clustering<'a> {
+    fn new(
+        scratch: &mut Scratch,
+        device: &mut dyn Device,
+        sorted: &'a MortonOrder,
+        tree: &'a DeviceTree,
+        settings: KMeansSettings,
+    ) -> Result<Self, DeviceError> {
+        let n = sorted.references as usize;
+        let slots = n.div_ceil(PER_CLUSTER as usize) + 1;
+        let most_parts = n / (PER_CLUSTER * settings.k) as usize + 1;
+        let mut allocate = |label, length, bytes| scratch.allocate(device, label, length, bytes);
+        let clustering = Self {
+            sorted,
+            tree,
+            settings,
+            seed: (Random::new(settings.seed).bits() >> 32) as u32,
+            parts: [
+                allocate("parts", most_parts, size_of::<Part>())?,
+                allocate("next parts", most_parts, size_of::<Part>())?,
+            ],
+            small: allocate("small parts", n / 2 + 1, 4)?,
+            cursors: allocate("cursors", n / 2 + 1, 4)?,
+            progress: allocate("progress", 2, 4)?,
+            starts: allocate("starts", n, 4)?,
+            labels: allocate("labels", n, 4)?,
+            sizes: allocate("sizes", n, 4)?,
+            frames: allocate("frames", slots, size_of::<Frame>())?,
+            centres: allocate("centres", slots, size_of::<Point>())?,
+            tallies: allocate("tallies", slots * TALLY_WORDS as usize, 4)?,
+            targets: allocate("targets", slots, 4)?,
+            sorter: Sorter::new(scratch, device, sorted.references)?,
         };
-        if self.ids.len() < 2 * SERIAL {
-            return assign((self.ids, labels));
-        }
-        self.ids.par_chunks(SERIAL).zip(labels.par_chunks_mut(SERIAL)).map(assign).reduce(|| false, |a, b| a | b)
+        Ok(clustering)
     }
 
-    /// Sums of the points of each cluster, in whole steps of `1/scale` from the origin, and how many they are.
-    fn sums(&self, labels: &[u8], k: usize, origin: &Point, scale: f64) -> Vec<([u64; 6], u64)> {
-        let sum = |(ids, labels): (&[u32], &[u8])| {
-            let mut sums = vec![([0u64; 6], 0u64); k];
-            for (&id, &label) in ids.iter().zip(labels) {
-                let point = point(&self.boxes[id as usize]);
-                let (sum, count) = &mut sums[usize::from(label)];
-                *count += 1;
-                for k in 0..6 {
-                    sum[k] += ((f64::from(point[k]) - f64::from(origin[k])) * scale) as u64;
-                }
+    /// References from which on a part is large.
+    fn large(&self) -> u32 {
+        PER_CLUSTER * self.settings.k
+    }
+
+    fn run(&self, device: &mut dyn Device, timings: &mut Vec<Timing>) -> Result<(), DeviceError> {
+        let n = self.sorted.references;
+        let mut recording = Recording::new();
+        for buffer in [&self.starts, &self.tallies, &self.small, &self.cursors] {
+            recording.clear("clusters", buffer);
+        }
+        let mut sizes = vec![0u32; n as usize];
+        sizes[0] = n;
+        device.upload(&self.sizes, bytemuck::cast_slice(&sizes))?;
+        drop(sizes);
+        let mut progress = [0, 1];
+        if n >= self.large() {
+            let mut parts = vec![Part { min: [0.0; 3], start: 0, max: [0.0; 3], size: 0 }; self.parts[0].length];
+            let scene = self.sorted.scene_box;
+            parts[0] = Part { min: scene.min, start: 0, max: scene.max, size: n };
+            device.upload(&self.parts[0], bytemuck::cast_slice(&parts))?;
+            progress = [1, 0];
+        }
+        device.upload(&self.progress, bytemuck::cast_slice(&[0u32, progress[1]]))?;
+        timings.extend(device.run(&recording)?);
+        let mut level = 0;
+        while progress[0] > 0 && level < MOST_LEVELS + MOST_HALVINGS {
+            let mut recording = Recording::new();
+            self.record_level(&mut recording, progress[0].min(self.parts[0].length as u32), level);
+            timings.extend(device.run(&recording)?);
+            device.download(&self.progress, bytemuck::bytes_of_mut(&mut progress))?;
+            device.upload(&self.progress, bytemuck::cast_slice(&[0, progress[1]]))?;
+            level += 1;
+        }
+        tracing::debug!("k-means: {level} levels, {} small parts", progress[1]);
+        self.halve(device, progress[1], timings)
+    }
+
+    /// Records a level of so many parts.
+    fn record_level(&self, recording: &mut Recording, count: u32, level: u32) {
+        let KMeansSettings { k: clusters, p: candidates, i: rounds, .. } = self.settings;
+        let (n, order, boxes) = (self.sorted.references, &self.sorted.order, &self.sorted.boxes);
+        let turn = level as usize % 2;
+        let (parts, next) = (&self.parts[turn], &self.parts[1 - turn]);
+        let Self { starts, labels, sizes, frames, centres, tallies, targets, .. } = self;
+        let params = CentresParams { count, clusters, candidates, seed: self.seed };
+        let buffers = [parts, order, boxes, frames, centres, tallies];
+        recording.dispatch("centres", Kernel::KmeansCentres, count, &params, &buffers);
+        let invocations = grid::invocations(n.div_ceil(CHUNK));
+        for round in 0..=rounds {
+            let adds = u32::from(round < rounds);
+            let params = AssignParams { count: invocations, references: n, clusters, round, adds };
+            let buffers = [order, boxes, starts, sizes, frames, centres, labels, tallies];
+            recording.dispatch("assign", Kernel::KmeansAssign, invocations, &params, &buffers);
+            if round < rounds {
+                let params = MeansParams { count: count * clusters, clusters, round };
+                recording.dispatch("means", Kernel::KmeansMeans, params.count, &params, &[parts, tallies, centres]);
             }
-            sums
-        };
-        let add = |mut a: Vec<([u64; 6], u64)>, b: Vec<([u64; 6], u64)>| {
-            for (a, b) in a.iter_mut().zip(b) {
-                a.1 += b.1;
-                a.0.iter_mut().zip(b.0).for_each(|(a, b)| *a += b);
-            }
-            a
-        };
-        if self.ids.len() < 2 * SERIAL {
-            return sum((self.ids, labels));
         }
-        let none = || vec![([0; 6], 0); k];
-        self.ids.par_chunks(SERIAL).zip(labels.par_chunks(SERIAL)).map(sum).reduce(none, add)
+        let buffers = [order, boxes, starts, labels, tallies];
+        recording.dispatch("tally", Kernel::KmeansTally, n, &TallyParams { count: n }, &buffers);
+        let groups = grid::invocations(count);
+        let halves = u32::from(level >= MOST_LEVELS);
+        let params = JoinParams { count: groups, references: n, clusters, halves };
+        let buffers = [parts, tallies, targets, sizes, &self.tree.nodes, next, &self.small, &self.progress];
+        recording.dispatch("join", Kernel::KmeansJoin, groups, &params, &buffers);
+        let buffers = [labels, targets, sizes, starts];
+        recording.dispatch("relabel", Kernel::KmeansRelabel, n, &RelabelParams { count: n }, &buffers);
+        self.sorter.record(recording, starts, order, u32::MAX >> (n - 1).leading_zeros());
     }
 
-    /// Smallest coordinates of the points.
-    fn smallest(&self) -> Point {
-        let smaller = |a: Point, b: Point| std::array::from_fn(|k| a[k].min(b[k]));
-        self.fold(|sum, p| smaller(sum, *p), [f32::INFINITY; 6], smaller)
-    }
-
-    /// Folds the points; `fold` and `merge` are of a kind that asks for no order.
-    fn fold(
-        &self,
-        fold: impl Fn(Point, &Point) -> Point + Sync,
-        start: Point,
-        merge: impl Fn(Point, Point) -> Point + Sync + Send,
-    ) -> Point {
-        let of = |ids: &[u32]| ids.iter().fold(start, |sum, &id| fold(sum, &point(&self.boxes[id as usize])));
-        if self.ids.len() < 2 * SERIAL {
-            return of(self.ids);
+    /// Splits the small parts.
+    fn halve(&self, device: &mut dyn Device, parts: u32, timings: &mut Vec<Timing>) -> Result<(), DeviceError> {
+        let KMeansSettings { p: candidates, i: rounds, .. } = self.settings;
+        // A device that only counts has none.
+        let count = parts.clamp(1, self.small.length as u32);
+        let steps = LOOPS / (self.large() * (rounds + 3) + candidates);
+        let params =
+            HalveParams { count, references: self.sorted.references, steps, candidates, rounds, seed: self.seed };
+        let waiting = &self.progress;
+        let buffers = [
+            &self.small,
+            &self.starts,
+            &self.sorted.boxes,
+            &self.sorted.order,
+            &self.sizes,
+            &self.cursors,
+            &self.tree.nodes,
+            waiting,
+        ];
+        let mut recording = Recording::new();
+        // A step for each part that is split, and one for each reference that is passed.
+        for _ in 0..(2 * self.large()).div_ceil(steps) {
+            recording.clear("halve", waiting);
+            recording.dispatch("halve", Kernel::KmeansHalve, count, &params, &buffers);
         }
-        self.ids.par_chunks(SERIAL).map(of).reduce(|| start, merge)
-    }
-}
-
-/// The pairs of a binary tree depth-first, and its clusters from left to right. Numbers below `k` are clusters, `k` and above those of `joined`, the last
-/// of which is the root.
-fn subtree(k: u32, joined: &[[u32; 2]], sizes: &[usize]) -> (Vec<Pair>, Vec<usize>) {
-    let mut references = sizes.to_vec();
-    for &[a, b] in joined {
-        references.push(references[a as usize] + references[b as usize]);
-    }
-    let mut pairs: Vec<Pair> = Vec::with_capacity(joined.len());
-    let mut order = Vec::with_capacity(joined.len() + 1);
-    let mut pending = vec![(k + joined.len() as u32 - 1, None)];
-    while let Some((number, above)) = pending.pop() {
-        if number < k {
-            order.push(number as usize);
-            continue;
+        timings.extend(device.run(&recording)?);
+        let mut waiting_parts = [0u32; 2];
+        device.download(waiting, bytemuck::bytes_of_mut(&mut waiting_parts))?;
+        if waiting_parts[0] > 0 {
+            let problem =
+                format!("{} parts are not done after as many steps as they have references", waiting_parts[0]);
+            let kernel = Kernel::KmeansHalve.info().name;
+            return Err(DeviceError::Kernel { kernel, problem, device: device.info().name.clone() });
         }
-        let place = pairs.len();
-        if let Some((parent, side)) = above {
-            let parent: &mut Pair = &mut pairs[parent];
-            parent.children[side] = Some(place);
-        }
-        let [left, right] = joined[(number - k) as usize];
-        pairs.push(Pair { left: references[left as usize], children: [None; 2] });
-        pending.extend([(right, Some((place, 1))), (left, Some((place, 0)))]);
-    }
-    (pairs, order)
-}
-
-impl Part for Means<'_> {
-    fn len(&self) -> usize {
-        self.ids.len()
-    }
-
-    fn first(&self) -> u32 {
-        self.ids[0]
-    }
-
-    fn split(mut self) -> (Self, Self) {
-        if self.subtree.is_none() {
-            self.subtree = self.cluster();
-            self.level += 1;
-        }
-        let Self { boxes, settings, ids, spare, start, level, subtree } = self;
-        let pair = subtree.as_ref().map(|subtree| &subtree.pairs[subtree.at]);
-        let left = pair.map_or(ids.len() / 2, |pair| pair.left);
-        let below = |side: usize| {
-            let at = pair?.children[side]?;
-            subtree.as_ref().map(|subtree| Subtree { at, ..subtree.clone() })
-        };
-        let subtrees = [below(0), below(1)];
-        let (ids, spare) = (ids.split_at_mut(left), spare.split_at_mut(left));
-        let [first, second] = subtrees;
-        (
-            Self { boxes, settings, ids: ids.0, spare: spare.0, start, level, subtree: first },
-            Self { boxes, settings, ids: ids.1, spare: spare.1, start: start + left, level, subtree: second },
-        )
+        Ok(())
     }
 }

@@ -45,8 +45,8 @@ pub(crate) use cut::{hunt_until, phr_until};
 #[cfg(feature = "files")]
 pub use from_file::{TreeOfFileError, from_file};
 pub use hploc::{DEFAULT_HPLOC_RADIUS, hploc};
-pub(crate) use kmeans::kmeans_until;
-pub use kmeans::{KMeansSettings, kmeans};
+pub(crate) use kmeans::kmeans_unchecked;
+pub use kmeans::{KMeansError, KMeansSettings, kmeans};
 pub use lbvh::lbvh;
 pub use ploc::{DEFAULT_RADIUS, ploc};
 pub use sbvh::{SbvhSettings, sbvh};

@@ -16,6 +16,8 @@ use std::borrow::Cow;
 pub(super) struct MortonOrder {
     /// References, `n`.
     pub(super) references: u32,
+    /// Around all references.
+    pub(super) scene_box: Aabb,
     /// Boxes of the references, `[n]`.
     pub(super) boxes: Buffer,
     /// References by their codes, `[n]`.
@@ -51,7 +53,7 @@ impl MortonOrder {
         drop(triangles);
         let order = scratch.allocate(device, "order", references as usize, 4)?;
         let (high, low) = record_codes(recording, &mut codes, device, references, (&boxes, &order), plan, scene_box)?;
-        Ok((Self { references, boxes, order, high, low, scratch, codes }, timings))
+        Ok((Self { references, scene_box, boxes, order, high, low, scratch, codes }, timings))
     }
 
     /// Gives the memory of the codes and their sort back.

@@ -32,7 +32,6 @@ pub fn build_on_host(
             build::agglomerative_until(triangles, stop)
         }
         Initial::Aac { aac } => build::aac_until(triangles, aac, stop),
-        Initial::KMeans { kmeans } => build::kmeans_until(triangles, kmeans, stop),
         Initial::Insertion { insertion } => optimize::insertion_until(triangles, insertion, stop),
         Initial::Online { online } => optimize::online_until(triangles, online, stop),
         Initial::Hunt { hunt } => build::hunt_until(triangles, hunt, stop),
@@ -40,6 +39,7 @@ pub fn build_on_host(
         Initial::Lbvh
         | Initial::Ploc { .. }
         | Initial::Hploc { .. }
+        | Initial::KMeans { .. }
         | Initial::Atrbvh { .. }
         | Initial::Trbvh { .. }
         | Initial::Sbvh

@@ -48,11 +48,11 @@ pub(super) fn initial_tree(
         #[cfg(not(feature = "atrbvh"))]
         Initial::Trbvh { .. } => return Err(FeatureOff { method: "trbvh", feature: "atrbvh" }.into()),
         Initial::Hploc { radius } => return Ok(build::hploc(device, working, codes, *radius)?),
+        Initial::KMeans { kmeans } => return Ok(build::kmeans_unchecked(device, working, codes, kmeans)?),
         Initial::SahSweep
         | Initial::SahBinned { .. }
         | Initial::Agglomerative
         | Initial::Aac { .. }
-        | Initial::KMeans { .. }
         | Initial::Insertion { .. }
         | Initial::Online { .. }
         | Initial::Hunt { .. }

@@ -123,6 +123,7 @@ impl DryDevice {
                 tree
             }
             Initial::Hploc { radius } => build::hploc(self, triangles, codes, *radius)?.0,
+            Initial::KMeans { kmeans } => build::kmeans_unchecked(self, triangles, codes, kmeans)?.0,
             _ => self.tree(triangles.len())?,
         };
         tree.free(self);

@@ -1,22 +1,23 @@
-//! Builders with parameters by name, as on the command line: `aac`, `aac:fast`, `aac:delta=8,epsilon=0.15`.
+//! Builders and optimisers by name, as on the command line: `lbvh`, `aac:fast`, `aac:delta=8,epsilon=0.15`.
 
-use super::{Initial, ParameterError, SettingError};
+use super::{Initial, Optimizer, ParameterError, SettingError};
+use crate::build::{Bins, DEFAULT_HPLOC_RADIUS, DEFAULT_PASSES, DEFAULT_RADIUS, TreeletSize};
+use crate::optimize::{RbvhSettings, RotationSettings};
 use std::fmt::{self, Display};
 
 impl Initial {
     /// The names of [`Initial::of_name`], with commas between.
-    pub const NAMES: &str = "agglomerative, aac, kmeans, insertion, online, hunt, phr";
+    pub const NAMES: &str = "lbvh, ploc, atrbvh, trbvh, hploc, sah-sweep, sah-binned, sbvh, agglomerative, aac, kmeans, insertion, online, hunt, phr";
 
-    /// A builder on the host by its name, where it has parameters with a colon and a preset or `parameter=value` with commas between; none if it is no such name.
-    /// These are `agglomerative`, `aac` (`:fast`, `:hq`), `kmeans` (`:q1` to `:q5`), `insertion` (`:greedy`), `online`, `hunt`, `phr` (`:fast`, `:hq`); what is not
-    /// said is as by default.
+    /// A builder by its name; none if it is no such name. `aac` (`:fast`, `:hq`), `kmeans` (`:q1` to `:q5`), `insertion` (`:greedy`), `online`, `hunt` and `phr`
+    /// (`:fast`, `:hq`) may have a colon and a preset or `parameter=value` with commas between. What is not said is as by default.
     ///
     /// ```
     /// use prbvh::Initial;
     ///
     /// let initial = Initial::of_name("kmeans:k=16,p=5,i=5").unwrap()?;
     /// assert_eq!(initial.to_string(), "kmeans:q3");
-    /// assert!(Initial::of_name("aac:delta=0").unwrap().is_err() && Initial::of_name("ploc").is_none());
+    /// assert!(Initial::of_name("aac:delta=0").unwrap().is_err() && Initial::of_name("random").is_none());
     /// # Ok::<(), prbvh::settings::ParameterError>(())
     /// ```
     ///
@@ -26,14 +27,31 @@ impl Initial {
     pub fn of_name(text: &str) -> Option<Result<Self, ParameterError>> {
         let (name, parameters) = text.split_once(':').unwrap_or((text, ""));
         Some(match name {
-            "agglomerative" if parameters.is_empty() => Ok(Self::Agglomerative),
-            "agglomerative" => Err(ParameterError::Unknown { text: parameters.to_owned(), known: "none" }),
             "aac" => parameters.parse().map(|aac| Self::Aac { aac }),
             "kmeans" => parameters.parse().map(|kmeans| Self::KMeans { kmeans }),
             "insertion" => parameters.parse().map(|insertion| Self::Insertion { insertion }),
             "online" => parameters.parse().map(|online| Self::Online { online }),
             "hunt" => parameters.parse().map(|hunt| Self::Hunt { hunt }),
             "phr" => parameters.parse().map(|phr| Self::Phr { phr }),
+            _ => {
+                let plain = Self::without_parameters(name)?;
+                let unknown = || ParameterError::Unknown { text: parameters.to_owned(), known: "none" };
+                if parameters.is_empty() { Ok(plain) } else { Err(unknown()) }
+            }
+        })
+    }
+
+    fn without_parameters(name: &str) -> Option<Self> {
+        Some(match name {
+            "lbvh" => Self::Lbvh,
+            "ploc" => Self::Ploc { radius: DEFAULT_RADIUS },
+            "atrbvh" => Self::Atrbvh { treelet: TreeletSize::DEFAULT },
+            "trbvh" => Self::Trbvh { passes: DEFAULT_PASSES },
+            "hploc" => Self::Hploc { radius: DEFAULT_HPLOC_RADIUS },
+            "sah-sweep" => Self::SahSweep,
+            "sah-binned" => Self::SahBinned { bins: Bins::DEFAULT },
+            "sbvh" => Self::Sbvh,
+            "agglomerative" => Self::Agglomerative,
             _ => return None,
         })
     }
@@ -52,6 +70,23 @@ impl Initial {
             Self::Phr { phr } => phr.check(),
             _ => Ok(()),
         }
+    }
+}
+
+impl Optimizer {
+    /// The names of [`Optimizer::of_name`], with commas between.
+    pub const NAMES: &str = "prbvh, rbvh, rotations, none";
+
+    /// An optimiser by its name, with its settings by default; none if it is no such name.
+    #[must_use]
+    pub fn of_name(name: &str) -> Option<Self> {
+        Some(match name {
+            "prbvh" => Self::Prbvh,
+            "rbvh" => Self::Rbvh(RbvhSettings::default()),
+            "rotations" => Self::Rotations(RotationSettings::default()),
+            "none" => Self::None,
+            _ => return None,
+        })
     }
 }
 
@@ -96,11 +131,16 @@ mod tests {
             assert!(Initial::NAMES.split(", ").any(|known| known == first), "{name}");
         }
         for name in Initial::NAMES.split(", ") {
-            named(name).unwrap();
+            let initial = named(name).unwrap();
+            assert_eq!(initial.to_string().split(':').next(), Some(name));
         }
         assert_eq!(named("aac"), named("aac:hq"));
         assert_eq!(named("online:seed=3").unwrap().to_string(), "online:batch=0.25,worst=0.05,most_steps=1024,seed=3");
-        assert!(Initial::of_name("sah-sweep").is_none() && Initial::of_name("aac.bvh").is_none());
+        assert!(Initial::of_name("tree").is_none() && Initial::of_name("aac.bvh").is_none());
+        for name in Optimizer::NAMES.split(", ") {
+            assert_eq!(Optimizer::of_name(name).unwrap().to_string(), name);
+        }
+        assert!(Optimizer::of_name("PRBVH").is_none());
     }
 
     #[test]
@@ -111,8 +151,9 @@ mod tests {
             ("aac:delta=many", "delta=many: invalid digit"),
             ("aac:delta=1", "aac.delta is 1, but must be 2 to 65536"),
             ("aac:epsilon=NaN", "aac.epsilon is NaN, but must be 0 to 0.5"),
-            ("kmeans:k=257", "kmeans.k is 257, but must be 2 to 256"),
-            ("kmeans:p=0", "kmeans.p is 0, but must be 1 to 65536"),
+            ("kmeans:k=65", "kmeans.k is 65, but must be 2 to 64"),
+            ("kmeans:p=0", "kmeans.p is 0, but must be 1 to 30"),
+            ("kmeans:i=201", "kmeans.i is 201, but must be 200 or less"),
             ("kmeans:q6", "q1, q2, q3, q4, q5, k=N"),
             ("online:batch=0", "online.batch is 0, but must be a finite number above 0"),
             ("online:worst=1.5", "online.worst is 1.5, but must be above 0 and at most 1"),
@@ -121,6 +162,7 @@ mod tests {
             ("phr:alpha=inf", "phr.alpha is inf, but must be 0 to 8"),
             ("phr:delta=-1", "phr.delta is -1, but must be 0 to 64"),
             ("agglomerative:fast", "there are none"),
+            ("lbvh:bits=30", "`bits=30` is neither a preset nor `name=value`: there are none"),
         ] {
             let error = named(text).unwrap_err();
             assert!(error.contains(part), "{text}: {error}");

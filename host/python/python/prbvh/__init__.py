@@ -39,6 +39,7 @@ def optimize(
     device="auto",
     threads=0,
     initial="lbvh",
+    optimizer="prbvh",
     max_iterations=None,
     max_time=None,
     target_cost=None,
@@ -59,7 +60,11 @@ def optimize(
     threads : int
         Threads of the CPU; 0: one per core.
     initial : str
-        The tree that is optimised: ``lbvh``, ``ploc``, ``sah-binned`` or ``sah-sweep``.
+        The tree that is optimised, as the command has it: ``lbvh``, ``ploc``, ``atrbvh``, ``trbvh``, ``hploc``, ``sah-sweep``, ``sah-binned``,
+        ``sbvh``, ``agglomerative``, ``aac``, ``kmeans``, ``insertion``, ``online``, ``hunt`` or ``phr``; some with parameters, such as ``aac:fast``
+        or ``kmeans:k=16,p=5,i=5``.
+    optimizer : str
+        What makes it better: ``prbvh``, ``rbvh``, ``rotations`` or ``none``.
     max_iterations, max_time, target_cost
         What ends the run early: iterations, seconds, a SAH cost. None: only that nothing more is to be gained.
     max_leaf : int
@@ -83,7 +88,7 @@ def optimize(
     KeyboardInterrupt
         Soon after Ctrl+C: other threads run while it works, and it looks for signals in each iteration.
     """
-    options = (device, threads, initial, max_iterations, max_time, target_cost, max_leaf, max_depth, progress)
+    options = (device, threads, initial, max_iterations, max_time, target_cost, max_leaf, max_depth, progress, optimizer)
     return _optimized(_prbvh.triangles(vertices, triangles, options))
 
 
@@ -93,6 +98,7 @@ def optimize_boxes(
     device="auto",
     threads=0,
     initial="lbvh",
+    optimizer="prbvh",
     max_iterations=None,
     max_time=None,
     target_cost=None,
@@ -109,5 +115,5 @@ def optimize_boxes(
 
     The rest is that of :func:`optimize`.
     """
-    options = (device, threads, initial, max_iterations, max_time, target_cost, max_leaf, max_depth, progress)
+    options = (device, threads, initial, max_iterations, max_time, target_cost, max_leaf, max_depth, progress, optimizer)
     return _optimized(_prbvh.boxes(boxes, options))
