@@ -1,11 +1,10 @@
-//! `cargo xtask bench --wide`: binary trees, nodes of four and eight children and compressed ones on the same rays, beside the two of obvhs. Every ray must hit what it
-//! hits through the binary tree; of obvhs, whose test of a triangle is another one, nearly every ray. With `--costs` nothing is timed: wide SAH costs of
+//! `cargo xtask bench --wide`: binary trees, nodes of four and eight children and compressed ones, with and without presplits, on the same rays of paths, beside the two of obvhs. Every ray
+//! must hit what it hits through the binary tree; of obvhs, whose test of a triangle is another one, nearly every ray. With `--costs` nothing is timed: wide SAH costs of
 //! the optimal and the greedy collapse, and sizes, for trees of our optimiser, of a full sweep and of obvhs.
 
 mod costs;
+mod kinds;
 mod peer;
-#[path = "../parts/rays.rs"]
-mod rays;
 mod traced;
 
 use clap::Parser;
@@ -22,11 +21,11 @@ struct Arguments {
     /// Only shared scenes whose name contains this; `none` for the built-in scene alone.
     #[arg(long, default_value = "")]
     scenes: String,
-    /// Triangles of the built-in scene.
+    /// Triangles of the built-in scene; 0 leaves it out.
     #[arg(long, default_value_t = 1 << 16)]
     triangles: usize,
-    /// Rays of each kind.
-    #[arg(long, default_value_t = 500_000)]
+    /// Primary rays; of the other kinds there are about as many or twice.
+    #[arg(long, default_value_t = 200_000)]
     rays: usize,
     /// Repetitions; the median is printed.
     #[arg(long, default_value_t = 5)]
@@ -41,8 +40,8 @@ struct Arguments {
 
 fn main() {
     let arguments = Arguments::parse();
-    let own = std::iter::once(built_in(arguments.triangles));
-    let scenes = own.chain(prbvh_tests::scenes::loaded(&arguments.scenes));
+    let own = (arguments.triangles > 0).then(|| built_in(arguments.triangles));
+    let scenes = own.into_iter().chain(prbvh_tests::scenes::loaded(&arguments.scenes));
     if arguments.costs {
         println!("{}", costs::table(scenes));
         return;
