@@ -28,6 +28,12 @@
 //! directions multiples of 2^-24 up to 1. Then no product under- or overflows, and it makes no difference whether a device
 //! flushes denormal numbers.
 
+#[cfg(not(target_arch = "spirv"))]
+mod lanes;
+mod steps;
+
+pub use steps::Steps;
+
 use crate::aabb::Aabb;
 use crate::math::{difference_of_products, magnitude, max, min, reciprocal};
 use bytemuck::{Pod, Zeroable};
@@ -115,6 +121,8 @@ pub struct Prepared {
     /// Origin for the lower faces of boxes, and for the upper ones: the difference widens the boxes.
     lower_origin: [f32; 3],
     upper_origin: [f32; 3],
+    /// By how much each of them is moved.
+    pad: f32,
     /// Axis of the largest component of the direction.
     axis: u32,
     t_min: f32,
@@ -140,6 +148,19 @@ fn turned(v: [f32; 3], axis: u32) -> [f32; 3] {
         [v[2], v[0], v[1]]
     } else {
         v
+    }
+}
+
+/// Axes that [`turned`] brings to the first and the second place.
+#[cfg(not(target_arch = "spirv"))]
+#[inline(always)]
+fn across(axis: u32) -> (u32, u32) {
+    if axis == 0 {
+        (1, 2)
+    } else if axis == 1 {
+        (2, 0)
+    } else {
+        (0, 1)
     }
 }
 
@@ -190,6 +211,7 @@ impl Prepared {
             inverse: [inverse(d[0]), inverse(d[1]), inverse(d[2])],
             lower_origin: [o[0] + pad, o[1] + pad, o[2] + pad],
             upper_origin: [o[0] - pad, o[1] - pad, o[2] - pad],
+            pad,
             axis,
             t_min: ray.t_min,
         }
@@ -214,7 +236,11 @@ impl Prepared {
     #[inline(always)]
     #[must_use]
     pub fn enters(&self, aabb: &Aabb, t_max: f32) -> f32 {
-        let inside = self.in_box(aabb);
+        self.enters_at(self.in_box(aabb), t_max)
+    }
+
+    #[inline(always)]
+    fn enters_at(&self, inside: Interval, t_max: f32) -> f32 {
         let near = max(inside.near, self.t_min);
         if near <= min(inside.far, t_max) { near } else { f32::INFINITY }
     }

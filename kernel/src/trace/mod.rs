@@ -50,22 +50,41 @@ pub struct TraceNode {
     pub also_unused: u32,
 }
 
-/// A triangle in the order of the leaves, 48 bytes.
+/// A triangle in the order of the leaves, 48 bytes: a row for each coordinate of its corners.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct TraceTriangle {
-    /// First corner.
-    pub a: [f32; 3],
+    /// x of the corners.
+    pub x: [f32; 3],
     /// Number in the scene.
     pub id: u32,
-    /// Second corner.
-    pub b: [f32; 3],
+    /// y of the corners.
+    pub y: [f32; 3],
     /// 1 for the last triangle of a leaf, else 0.
     pub is_last: u32,
-    /// Third corner.
-    pub c: [f32; 3],
+    /// z of the corners.
+    pub z: [f32; 3],
     /// 0.
     pub unused: u32,
+}
+
+impl TraceTriangle {
+    /// A triangle that is not the last one of its leaf.
+    #[must_use]
+    pub fn new(id: u32, [a, b, c]: [[f32; 3]; 3]) -> Self {
+        Self { x: [a[0], b[0], c[0]], id, y: [a[1], b[1], c[1]], is_last: 0, z: [a[2], b[2], c[2]], unused: 0 }
+    }
+
+    /// [`Prepared::hits`]: parameter of the ray's hit before `t_max`; infinite if there is none.
+    #[inline(always)]
+    pub(crate) fn hit(&self, prepared: &Prepared, t_max: f32) -> f32 {
+        #[cfg(not(target_arch = "spirv"))]
+        if prepared.misses(bytemuck::cast_ref(self)) {
+            return f32::INFINITY;
+        }
+        let Self { x, y, z, .. } = *self;
+        prepared.hits([[x[0], y[0], z[0]], [x[1], y[1], z[1]], [x[2], y[2], z[2]]], t_max)
+    }
 }
 
 const _: () = assert!(size_of::<TraceNode>() == 64 && size_of::<TraceTriangle>() == 48);
@@ -131,9 +150,9 @@ impl Walk {
     /// lowest triangle wins. An any-hit ray that hits has [`SOME_TRIANGLE`] afterwards, and nothing on its stack.
     #[inline(always)]
     fn visit_triangle(&mut self, params: &TraceParams, prepared: &Prepared, triangles: &[TraceTriangle]) -> bool {
-        let triangle = triangles[(self.current & !LEAF) as usize];
+        let triangle = &triangles[(self.current & !LEAF) as usize];
         self.hit.triangle_tests += 1;
-        let t = prepared.hits([triangle.a, triangle.b, triangle.c], self.hit.t);
+        let t = triangle.hit(prepared, self.hit.t);
         let hits = t < f32::INFINITY;
         if hits && (t < self.hit.t || triangle.id < self.hit.triangle) {
             self.hit.t = t;

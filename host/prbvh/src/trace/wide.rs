@@ -46,7 +46,7 @@ fn with_boxes_in(mut tree: WideBvh, range: &TraceRange) -> WideBvh {
 /// A triangle that is not the last one of its leaf.
 pub(super) fn packed(id: u32, working: &[Triangle]) -> TraceTriangle {
     let Triangle { a, b, c } = working[id as usize];
-    TraceTriangle { a, id, b, is_last: 0, c, unused: 0 }
+    TraceTriangle::new(id, [a, b, c])
 }
 
 /// Ids that are none, and triangles that are in no leaf.

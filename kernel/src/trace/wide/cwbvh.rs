@@ -2,9 +2,11 @@
 
 use super::WideNodes;
 use crate::aabb::Aabb;
-use crate::ray::Prepared;
+use crate::ray::{Prepared, Steps};
 use crate::trace::LEAF;
 use bytemuck::{Pod, Zeroable};
+#[cfg(not(target_arch = "spirv"))]
+use wide::{f32x8, i32x8, u8x16, u16x8};
 
 /// A compressed node of eight children, 80 bytes. Bytes of slots come in words, the first slot in the lowest byte.
 ///
@@ -61,7 +63,7 @@ impl CwbvhNode {
         byte(self.meta, slot)
     }
 
-    /// The box of a slot that is not empty, as a ray meets it.
+    /// The box of a slot that is not empty, its coordinates rounded.
     #[inline(always)]
     #[must_use]
     pub fn aabb(&self, slot: u32) -> Aabb {
@@ -86,6 +88,60 @@ impl CwbvhNode {
             (self.first_triangle + (self.meta_of(slot) & 31)) | LEAF
         }
     }
+
+    /// Its boxes for a ray.
+    #[inline(always)]
+    pub(super) fn steps(&self, prepared: &Prepared) -> Steps {
+        let step = |axis: u32| f32::from_bits(((self.scales_and_inner >> (8 * axis)) & 255) << 23);
+        let corner = [f32::from_bits(self.origin[0]), f32::from_bits(self.origin[1]), f32::from_bits(self.origin[2])];
+        prepared.steps(corner, [step(0), step(1), step(2)])
+    }
+
+    /// A bit for each child that the ray enters, in the order of the octant.
+    #[cfg(target_arch = "spirv")]
+    #[inline(always)]
+    fn entered(&self, prepared: &Prepared, steps: &Steps, octant: u32, t_max: f32) -> u32 {
+        // No loop over the slots: a driver may count its rounds with those of the walk ([`STEPS`](crate::trace::STEPS)).
+        let bit = |slot: u32| if self.enters(slot, prepared, steps, t_max) { 1 << (slot ^ octant) } else { 0 };
+        bit(0) | bit(1) | bit(2) | bit(3) | bit(4) | bit(5) | bit(6) | bit(7)
+    }
+
+    /// The same, all slots at once.
+    #[cfg(not(target_arch = "spirv"))]
+    #[inline(always)]
+    fn entered(&self, prepared: &Prepared, steps: &Steps, octant: u32, t_max: f32) -> u32 {
+        let min = [numbers(self.min_x), numbers(self.min_y), numbers(self.min_z)];
+        let max = [numbers(self.max_x), numbers(self.max_y), numbers(self.max_z)];
+        let (_, entered) = prepared.enters_each_steps(steps, min, max, t_max);
+        let empty = bytes(self.meta).simd_eq(u8x16::ZERO).to_bitmask();
+        let swapped = |word: u32, by: u32, low: u32| {
+            if octant & by == 0 { word } else { ((word >> by) & low) | ((word & low) << by) }
+        };
+        swapped(swapped(swapped(entered & !empty, 4, 0x0f), 2, 0x33), 1, 0x55)
+    }
+
+    /// Whether the ray enters the box of a slot that is not empty.
+    #[inline(always)]
+    pub(super) fn enters(&self, slot: u32, prepared: &Prepared, steps: &Steps, t_max: f32) -> bool {
+        let number = |words: [u32; 2]| byte(words, slot) as f32;
+        let min = [number(self.min_x), number(self.min_y), number(self.min_z)];
+        let max = [number(self.max_x), number(self.max_y), number(self.max_z)];
+        prepared.enters_steps(steps, min, max, t_max) < f32::INFINITY && self.meta_of(slot) != 0
+    }
+}
+
+/// The bytes of two words, and zeros.
+#[cfg(not(target_arch = "spirv"))]
+#[inline(always)]
+fn bytes(words: [u32; 2]) -> u8x16 {
+    bytemuck::cast([words[0], words[1], 0, 0])
+}
+
+/// The bytes of two words as numbers.
+#[cfg(not(target_arch = "spirv"))]
+#[inline(always)]
+fn numbers(words: [u32; 2]) -> f32x8 {
+    i32x8::from_u16x8(u16x8::from_u8x16_low(bytes(words))).round_float()
 }
 
 impl WideNodes for [CwbvhNode] {
@@ -93,19 +149,25 @@ impl WideNodes for [CwbvhNode] {
 
     #[inline(always)]
     fn entered(&self, node: u32, prepared: &Prepared, octant: u32, t_max: f32) -> u32 {
+        // Whole: slots share its words.
         let node = self[node as usize];
-        // No loop over the slots: a driver may count its rounds with those of the walk ([`STEPS`](crate::trace::STEPS)).
-        let bit = |slot: u32| {
-            let entered = prepared.enters(&node.aabb(slot), t_max) < f32::INFINITY && node.meta_of(slot) != 0;
-            if entered { 1 << (slot ^ octant) } else { 0 }
-        };
-        bit(0) | bit(1) | bit(2) | bit(3) | bit(4) | bit(5) | bit(6) | bit(7)
+        node.entered(prepared, &node.steps(prepared), octant, t_max)
     }
 
     #[inline(always)]
-    fn next(&self, node: u32, word: u32, octant: u32) -> (u32, u32) {
+    fn first(word: u32, octant: u32) -> (u32, u32) {
         let lowest = word & (!word).wrapping_add(1);
-        let slot = (31 - lowest.leading_zeros()) ^ octant;
-        (self[node as usize].child(slot), word & !lowest)
+        ((31 - lowest.leading_zeros()) ^ octant, word & !lowest)
+    }
+
+    #[inline(always)]
+    fn child(&self, node: u32, slot: u32) -> u32 {
+        self[node as usize].child(slot)
+    }
+
+    #[inline(always)]
+    fn enters(&self, node: u32, slot: u32, prepared: &Prepared, t_max: f32) -> bool {
+        let node = &self[node as usize];
+        node.enters(slot, prepared, &node.steps(prepared), t_max)
     }
 }

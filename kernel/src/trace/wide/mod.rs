@@ -12,13 +12,15 @@
 
 mod cwbvh;
 mod soa;
+#[cfg(test)]
+mod tests;
 
 pub use cwbvh::CwbvhNode;
 pub use soa::{Bvh4Node, Bvh8Node};
 
 use super::stack::Stack;
 use super::{DONE, LEAF, Nodes, STEPS, TraceParams, TraceTriangle, Walk};
-use crate::ray::{Prepared, Ray, SOME_TRIANGLE};
+use crate::ray::{NO_TRIANGLE, Prepared, Ray, SOME_TRIANGLE};
 
 /// A slot of a node without a child.
 pub const NO_CHILD: u32 = u32::MAX;
@@ -32,6 +34,9 @@ pub const ENTRY_WORDS: u32 = 2;
 /// Words of that stack.
 pub const LOCAL_WORDS: usize = (LOCAL_LEVELS * ENTRY_WORDS) as usize;
 
+/// [`Walk::current`] of a child that lies beyond what was hit since its node was visited.
+const BEYOND: u32 = DONE - 1;
+
 /// Nodes of several children.
 pub trait WideNodes {
     /// Slots of a node.
@@ -40,8 +45,14 @@ pub trait WideNodes {
     /// The children of `node` that the ray enters before `t_max`, as a word to take them from, nearer ones first; 0 if there are none.
     fn entered(&self, node: u32, prepared: &Prepared, octant: u32, t_max: f32) -> u32;
 
-    /// The first child in the word and the word without it: a node, or the first triangle of a leaf with [`LEAF`].
-    fn next(&self, node: u32, word: u32, octant: u32) -> (u32, u32);
+    /// The slot of the first child in the word, which is not 0, and the word without it.
+    fn first(word: u32, octant: u32) -> (u32, u32);
+
+    /// What a slot that is not empty holds: a node, or the first triangle of a leaf with [`LEAF`].
+    fn child(&self, node: u32, slot: u32) -> u32;
+
+    /// Whether the ray enters the box of a slot that is not empty before `t_max`.
+    fn enters(&self, node: u32, slot: u32, prepared: &Prepared, t_max: f32) -> bool;
 }
 
 /// The octant that a ray goes to: a bit for each negative component, x the highest.
@@ -71,7 +82,10 @@ fn walk_wide<N: WideNodes + ?Sized, S: Stack>(
             break;
         }
         let mut goes_on = true;
-        if walk.current & LEAF == 0 {
+        let mut is_fresh = false;
+        if walk.current == BEYOND {
+            // Nothing to visit.
+        } else if walk.current & LEAF == 0 {
             if entered != 0 {
                 stack.set(walk.depth, node);
                 stack.set(walk.depth + 1, entered);
@@ -80,6 +94,7 @@ fn walk_wide<N: WideNodes + ?Sized, S: Stack>(
             node = walk.current;
             walk.hit.box_tests += N::WIDTH;
             entered = nodes.entered(node, &prepared, octant, walk.hit.t);
+            is_fresh = true;
         } else {
             goes_on = walk.visit_triangle(params, &prepared, triangles);
             if walk.hit.triangle == SOME_TRIANGLE {
@@ -94,9 +109,12 @@ fn walk_wide<N: WideNodes + ?Sized, S: Stack>(
             }
             walk.current = DONE;
             if entered != 0 {
-                let (child, rest) = nodes.next(node, entered, octant);
-                walk.current = child;
+                let (slot, rest) = N::first(entered, octant);
                 entered = rest;
+                // Since the node was visited something may have been hit before this child.
+                let is_beyond =
+                    !is_fresh && walk.hit.triangle != NO_TRIANGLE && !nodes.enters(node, slot, &prepared, walk.hit.t);
+                walk.current = if is_beyond { BEYOND } else { nodes.child(node, slot) };
             }
         }
     }
