@@ -2,6 +2,7 @@
 
 use prbvh::bvh::{Bvh, Content};
 use prbvh::collapse::{CollapseError, CollapseSettings};
+use prbvh::device::Device;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::pipeline::{Initial, Optimizer, Settings, optimize};
 use prbvh::scene::{Scene, Triangle, built_in};
@@ -69,6 +70,13 @@ fn every_device_makes_the_same_tree() {
     }
     let triangles = &*built_in(1000).triangles;
     check(&swept(triangles, Some(CollapseSettings::default())), triangles, "leaves of several");
+    for reach in [1, 2] {
+        let settings = settings(FORMS[2], None).with(|s| s.reach = reach);
+        let tree = swept(triangles, None);
+        let expected = collapse(&tree, &settings).unwrap();
+        let (made, _) = collapse_on(&mut CpuDevice::new(2).unwrap(), &tree, &settings).unwrap();
+        assert!(made == expected, "moves as far as {reach}");
+    }
     let chain = nested(700);
     check(&Bvh::from_device(&comb(&boxes_of(&chain)).encode()).unwrap(), &chain, "a chain");
     let flat = flat(300);
@@ -102,8 +110,10 @@ fn a_broken_tree_is_refused() {
     let mut tree = swept(&triangles, None);
     tree.nodes[3].parent = 29;
     let mut device = CpuDevice::new(1).unwrap();
-    let error = collapse_on(&mut device, &tree, &WideSettings::default()).unwrap_err();
-    assert!(matches!(error, CollapseError::InvalidTree { .. }), "{error}");
+    for reach in [0, 1] {
+        let error = collapse_on(&mut device, &tree, &WideSettings::default().with(|s| s.reach = reach)).unwrap_err();
+        assert!(matches!(error, CollapseError::InvalidTree { .. }), "{error}");
+    }
     assert_eq!(device.memory().bytes, 0);
 }
 

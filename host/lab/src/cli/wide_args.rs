@@ -16,6 +16,9 @@ pub(super) struct WideArgs {
     /// How the children of wide nodes are chosen [default: optimal].
     #[arg(long, value_enum)]
     pub(super) wide_collapse: Option<WideCollapseArg>,
+    /// Move subtrees of the binary tree to where the wide tree costs less, below the ancestor so many levels above their parent, 0 to 4 [default: 0].
+    #[arg(long, value_name = "LEVELS")]
+    pub(super) wide_reach: Option<u32>,
 }
 
 impl WideArgs {
@@ -29,6 +32,7 @@ impl WideArgs {
             WidthArg::Two => {
                 ensure!(self.layout.is_none(), "--layout is for --width 4 and 8");
                 ensure!(self.wide_collapse.is_none(), "--wide-collapse is for --width 4 and 8");
+                ensure!(self.wide_reach.is_none(), "--wide-reach is for --width 4 and 8");
                 return Ok(None);
             }
             WidthArg::Four => Width::Four,
@@ -45,6 +49,7 @@ impl WideArgs {
                 Some(WideCollapseArg::Optimal) | None => CollapseMethod::Optimal,
             };
         });
+        let settings = settings.with(|settings| settings.reach = self.wide_reach.unwrap_or(settings.reach));
         settings.check()?;
         Ok(Some(settings))
     }
@@ -101,7 +106,12 @@ mod tests {
             wide("--layout cwbvh --wide-collapse greedy"),
             of(Width::Eight, Layout::Cwbvh, CollapseMethod::Greedy)
         );
+        let reach = wide("--width 8 --wide-reach 2").map(|wide| wide.map(|wide| wide.reach));
+        assert_eq!(reach, Ok(Some(2)));
         for (arguments, part) in [
+            ("--wide-reach 1", "--wide-reach is for --width 4 and 8"),
+            ("--width 4 --wide-reach 5", "wide.reach is 5, but must be from 0 to 4"),
+            ("--width 4 --wide-reach 1 --wide-collapse greedy", "0 where the collapse is greedy"),
             ("--width 3", "2, 4, 8"),
             ("--width 4 --layout cwbvh", "8 where the layout is cwbvh"),
             ("--width 2 --layout soa", "--layout is for --width 4 and 8"),

@@ -19,6 +19,7 @@ pub mod file;
 mod greedy;
 mod layout;
 mod limit;
+mod moves;
 mod octants;
 mod optimal;
 mod packed;
@@ -41,9 +42,10 @@ pub use width::Width;
 use crate::bvh::Bvh;
 use crate::check::SettingError;
 use crate::collapse::CollapseError;
-use crate::device::{Device, DeviceError, Timing};
+use crate::device::{Device, DeviceError, Timing, on_host};
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::setup::Triangle;
+use std::borrow::Cow;
 
 /// Slots of a node, the most of any width.
 pub const SLOTS: usize = 8;
@@ -162,12 +164,18 @@ fn without_negative_zeros(aabb: Aabb) -> Aabb {
 /// If the links of `tree` are no tree.
 pub fn collapse(tree: &Bvh, settings: &WideSettings) -> Result<WideBvh, SettingError> {
     settings.check()?;
-    let tree = limit::within(tree, settings.most_of_a_leaf());
+    let tree = prepared(tree, settings);
     let fates = match settings.method {
         CollapseMethod::Optimal => optimal::fates(&tree, settings),
         CollapseMethod::Greedy => greedy::fates(&tree, settings),
     };
     Ok(emit::emit(&tree, settings.width, &fates))
+}
+
+/// The binary tree that is collapsed.
+fn prepared<'a>(tree: &'a Bvh, settings: &WideSettings) -> Cow<'a, Bvh> {
+    let tree = limit::within(tree, settings.most_of_a_leaf());
+    if settings.reach == 0 { tree } else { Cow::Owned(moves::moved(&tree, settings)) }
 }
 
 /// [`collapse`] whose costs a device computes, and the times of its commands: the same tree. The device holds 64 bytes and as many words as the width for each leaf of `tree`, and 8 bytes
@@ -184,7 +192,8 @@ pub fn collapse_on(
         return Ok((collapse(tree, settings)?, Vec::new()));
     }
     settings.check()?;
-    let tree = limit::within(tree, settings.most_of_a_leaf());
+    optimal::checked_walk(device, tree)?;
+    let tree = on_host(device, || prepared(tree, settings));
     let (fates, timings) = optimal::fates_on(device, &tree, settings)?;
     Ok((emit::emit(&tree, settings.width, &fates), timings))
 }

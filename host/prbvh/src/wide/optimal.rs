@@ -58,15 +58,8 @@ pub(super) fn fates_on(
     tree: &Bvh,
     settings: &WideSettings,
 ) -> Result<(Vec<Fate>, Vec<Timing>), CollapseError> {
-    let encoded = on_host(device, || {
-        let walk = tree.preorder_checked()?;
-        let nodes = working_nodes(tree, &walk);
-        Ok((walk, nodes))
-    });
-    let (walk, nodes) = encoded.map_err(|error: EncodeError| match error {
-        EncodeError::Broken { faults } => CollapseError::InvalidTree { device: device.info().name.clone(), faults },
-        EncodeError::LeafSize { .. } => unreachable!("leaves have any size here"),
-    })?;
+    let walk = checked_walk(device, tree)?;
+    let nodes = on_host(device, || working_nodes(tree, &walk));
     let device = &mut Lease::new(device);
     let leaves = nodes.len().div_ceil(2);
     let Working { nodes: buffer, forests, choices, arrivals } = Working::allocate(device, leaves, settings)?;
@@ -81,6 +74,17 @@ pub(super) fn fates_on(
     let mut chosen_words: Vec<u32> = Vec::with_capacity(choices.length);
     read_pieces(device, &choices, |piece: &[u32]| chosen_words.extend_from_slice(piece))?;
     Ok((on_host(device, || chosen(tree, &walk, settings, &chosen_words)), timings))
+}
+
+/// The nodes as a depth-first walk meets them.
+///
+/// # Errors
+/// [`CollapseError::InvalidTree`].
+pub(super) fn checked_walk(device: &dyn Device, tree: &Bvh) -> Result<Vec<u32>, CollapseError> {
+    on_host(device, || tree.preorder_checked()).map_err(|error| match error {
+        EncodeError::Broken { faults } => CollapseError::InvalidTree { device: device.info().name.clone(), faults },
+        EncodeError::LeafSize { .. } => unreachable!("leaves have any size here"),
+    })
 }
 
 /// Allocates what the collapse of a tree of so many leaves takes, and gives it back: for plans.
@@ -122,7 +126,7 @@ impl Working {
     }
 }
 
-fn params(settings: &WideSettings, nodes: usize) -> WidenParams {
+pub(super) fn params(settings: &WideSettings, nodes: usize) -> WidenParams {
     let model = settings.costs();
     WidenParams {
         count: nodes.div_ceil(2) as u32,

@@ -28,6 +28,9 @@ pub struct WideSettings {
     pub layout: Layout,
     /// How children are chosen.
     pub method: CollapseMethod,
+    /// Before it is collapsed, subtrees of the binary tree move to where the wide tree costs less, among what lies below the ancestor so many levels above their parent; 0: all stay, 4 at most. Only
+    /// for [`CollapseMethod::Optimal`].
+    pub reach: u32,
     /// The costs that decide; none: [`Width::sah`].
     pub sah: Option<SahModel>,
     /// Most triangles of a leaf, at least 1; none: as many as the layout can hold.
@@ -42,6 +45,10 @@ impl WideSettings {
         let SahModel { c_traversal, c_intersect } = self.costs();
         for (name, value) in [("wide.c_traversal", c_traversal), ("wide.c_intersect", c_intersect)] {
             must(name, value, (0.0..=1e6).contains(&value), COST)?;
+        }
+        must("wide.reach", self.reach, self.reach <= 4, "from 0 to 4")?;
+        if self.method == CollapseMethod::Greedy {
+            must("wide.reach", self.reach, self.reach == 0, "0 where the collapse is greedy")?;
         }
         at_least_1("wide.max_leaf", self.max_leaf.unwrap_or(1))?;
         if self.layout == Layout::Cwbvh {

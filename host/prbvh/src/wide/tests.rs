@@ -6,7 +6,7 @@ use crate::device::cpu::CpuDevice;
 use proptest::prelude::*;
 
 fn settings(width: Width, layout: Layout, method: CollapseMethod, max_leaf: Option<u32>) -> WideSettings {
-    WideSettings { width, layout, method, sah: None, max_leaf }
+    WideSettings { width, layout, method, reach: 0, sah: None, max_leaf }
 }
 
 fn of(width: Width) -> WideSettings {
@@ -196,6 +196,8 @@ fn cost_by_hand() {
 fn bad_settings_are_told_with_their_field() {
     let cases = [
         ("wide.width", WideSettings { layout: Layout::Cwbvh, ..of(Width::Four) }),
+        ("wide.reach", WideSettings { reach: 5, ..of(Width::Four) }),
+        ("wide.reach", greedy(WideSettings { reach: 1, ..of(Width::Four) })),
         ("wide.max_leaf", WideSettings { max_leaf: Some(0), ..of(Width::Four) }),
         ("wide.max_leaf", WideSettings { layout: Layout::Cwbvh, max_leaf: Some(4), ..of(Width::Eight) }),
         (

@@ -68,11 +68,42 @@ struct Task {
 /// Builds a tree with one reference per leaf on the CPU, with all threads of the current rayon pool; the tree does not depend on their number. `triangles` are finite
 /// and of any size: areas and cuts are computed in f64. Leaves have the boxes of the pieces, no smaller than these.
 ///
-/// A node's budget is shared among its children by the areas of their references: so it does not depend on the order of the work.
+/// A node's budget is shared among its children by the areas of their references: so it does not depend on the order of the work. What a subtree does not need of it is lost to the others; so while much
+/// of the budget is left, the tree is built again as if there were as much more, and the last one within the budget is taken.
 ///
 /// None of no triangles, or if an end was asked for.
 #[must_use]
 pub fn sbvh(triangles: &[Triangle], settings: &SbvhSettings, stop: Option<&Stop>) -> Option<Bvh> {
+    let most = settings.most_splits(triangles.len());
+    let mut tree = with_budget(triangles, settings, most, stop)?;
+    let (mut budget, mut too_much) = (most, None);
+    for _ in 0..MOST_AGAIN {
+        let used = tree.references() - triangles.len();
+        if used == 0 || used as f64 > ENOUGH * most as f64 {
+            break;
+        }
+        // Mostly each further reference needs more of it than the ones before.
+        let more = match too_much {
+            None => (budget as f64 * (most as f64 / used as f64)) as usize,
+            Some(too_much) => usize::midpoint(budget, too_much),
+        };
+        let other = with_budget(triangles, settings, more, stop)?;
+        match other.references() - triangles.len() {
+            other_used if other_used > most => too_much = Some(more),
+            other_used if other_used > used => (tree, budget) = (other, more),
+            // All is split that pays.
+            _ => break,
+        }
+    }
+    Some(tree)
+}
+
+/// Most further builds, and the part of the budget with which there is none.
+const MOST_AGAIN: usize = 4;
+const ENOUGH: f64 = 0.97;
+
+/// The tree by a budget that is handed down.
+fn with_budget(triangles: &[Triangle], settings: &SbvhSettings, budget: usize, stop: Option<&Stop>) -> Option<Bvh> {
     let references: Vec<Reference> =
         (0..).zip(triangles).map(|(triangle, t)| Reference { aabb: t.aabb(), triangle }).collect();
     if references.is_empty() {
@@ -81,7 +112,6 @@ pub fn sbvh(triangles: &[Triangle], settings: &SbvhSettings, stop: Option<&Stop>
     let root = bounds(&references);
     let least_overlap = settings.alpha * half_area(&root);
     let mut tree = Bvh { nodes: vec![node(root, NO_NODE)], triangle_order: Vec::new() };
-    let budget = settings.most_splits(triangles.len());
     let mut tasks = vec![Task { node: 0, references, budget }];
     while !tasks.is_empty() {
         if stop.is_some_and(Stop::is_asked) {
@@ -192,6 +222,20 @@ mod tests {
         assert!(of_long > 1 && tree.references() == 10 + of_long, "{of_long} of {}", tree.references());
         let none = SbvhSettings { budget: 0.0, ..settings };
         assert_eq!(sbvh(&triangles, &none, None).unwrap().references(), 11);
+    }
+
+    #[test]
+    fn what_is_left_of_the_budget_is_used() {
+        let triangles = &*built_in(2000).triangles;
+        let used = [0.1, 0.3].map(|budget| {
+            let settings = SbvhSettings { budget, ..SbvhSettings::default() };
+            let most = settings.most_splits(2000);
+            let once = with_budget(triangles, &settings, most, None).unwrap().references() - 2000;
+            let again = sbvh(triangles, &settings, None).unwrap().references() - 2000;
+            assert!(once <= again && again <= most, "{once} {again} {most}");
+            (once as f64 / most as f64, again as f64 / most as f64)
+        });
+        assert!(used.iter().any(|(once, again)| once < again), "{used:?}");
     }
 
     proptest! {
