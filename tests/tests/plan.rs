@@ -300,8 +300,10 @@ fn a_plan_of_worst_first_follows_its_settings_and_the_scene() {
     assert_eq!(status(2048, usual, Omission::Tops), (Status::NoneThere, 0));
     assert_eq!(status(2049, usual.with(|s| s.top = 0), Omission::Tops), (Status::LeftOut, 0));
     assert_eq!(status(4, usual, Omission::MoreLocks), (Status::Needed, 0));
-    // A lock and a check.
-    assert_eq!(status(4, usual.with(|s| s.lock_rounds = 1), Omission::MoreLocks), (Status::LeftOut, 2));
+    // A lock and a check; a small round has all of them in one dispatch.
+    let one = usual.with(|s| s.lock_rounds = 1);
+    assert_eq!(status(4, one, Omission::MoreLocks), (Status::LeftOut, 0));
+    assert_eq!(status(4, one.with(|s| s.first = 100), Omission::MoreLocks), (Status::LeftOut, 2));
 }
 
 #[test]
@@ -328,8 +330,9 @@ fn locks_are_planned_by_the_device() {
         info.atomics_64 = atomics_64;
         let plan = Plan::of(&scene, &info, &Settings::default(), &[]).unwrap();
         let lock = plan.items.iter().find(|item| item.omission == Omission::LockWord).unwrap();
-        // One of each round of locks.
-        let saved = if atomics_64 { Settings::default().prbvh.worst_first.lock_rounds.into() } else { 0 };
+        // One of each round of locks, and what follows the search of a small round is one dispatch in place of eight.
+        let lock_rounds = u64::from(Settings::default().prbvh.worst_first.lock_rounds);
+        let saved = if atomics_64 { lock_rounds + 7 } else { 0 };
         assert_eq!((lock.status == Status::LeftOut, lock.saved.dispatches_per_iteration), (atomics_64, saved));
     }
 }

@@ -306,10 +306,10 @@ mod tests {
         let codes = Codes::from(MortonBits::Sixty);
         let initials = [
             Initial::Lbvh,
-            Initial::Ploc { radius: crate::build::DEFAULT_RADIUS },
-            Initial::Hploc { radius: crate::build::DEFAULT_HPLOC_RADIUS },
+            Initial::Ploc { radius: build::DEFAULT_RADIUS },
+            Initial::Hploc { radius: build::DEFAULT_HPLOC_RADIUS },
             #[cfg(feature = "atrbvh")]
-            Initial::Atrbvh { treelet: crate::build::TreeletSize::DEFAULT },
+            Initial::Atrbvh { treelet: build::TreeletSize::DEFAULT },
         ];
         let mut phases: Vec<PhaseBytes> =
             initials.iter().map(|initial| phase(&initial.method(), &|dry| dry.build(initial, codes, &zeros))).collect();

@@ -66,7 +66,7 @@ fn many_rounds_go_in_one_submission() {
     let device = open(options(Access::Never));
     let info = DeviceInfo { kind: DeviceKind::VulkanGpu, ..Device::info(&device).clone() };
     let mut device = AsGpu(device, info, BTreeMap::new());
-    for (order, most) in [(Order::Published, 40), (Order::WorstFirst, 60)] {
+    for (order, most) in [(Order::Published, 40), (Order::WorstFirst, 80)] {
         let (expected, rows, _) = run(&mut cpu, &settings(order, HOUR));
         device.2.clear();
         let (hash, _, together) = run(&mut device, &settings(order, HOUR));
