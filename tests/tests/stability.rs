@@ -67,6 +67,7 @@ fn expected<'a>(pairs: &[(&'a str, &str)]) -> BTreeSet<(&'a str, String)> {
 const ON_DEVICES: &[&str] = &[
     "trbvh",
     "hploc",
+    "kmeans:q2",
     "ploc",
     "worst-first",
     "prbvh-9",

@@ -81,6 +81,29 @@ typedef uint32_t PrbvhInitial;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
+// What makes the tree better.
+enum PrbvhOptimizer
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+  // PRBVH: reinsertions, the worst nodes first.
+  PRBVH_OPTIMIZER_PRBVH = 0,
+  // RBVH: reinsertions one after another, on one thread of the CPU.
+  PRBVH_OPTIMIZER_RBVH = 1,
+  // Rotations.
+  PRBVH_OPTIMIZER_ROTATIONS = 2,
+  // Nothing: the initial tree comes out.
+  PRBVH_OPTIMIZER_NONE = 3,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum PrbvhOptimizer PrbvhOptimizer;
+#else
+typedef uint32_t PrbvhOptimizer;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
 // Why a run ended.
 enum PrbvhStop
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -139,7 +162,7 @@ typedef struct PrbvhOptions {
   uint32_t device_index;
   // Threads of the CPU; 0: one per core. They end with the call.
   uint32_t threads;
-  // A PrbvhInitial.
+  // A PrbvhInitial; not looked at where there is an `initial_name`.
   uint32_t initial;
   // Most iterations; 0: those of the library.
   uint32_t max_iterations;
@@ -147,8 +170,8 @@ typedef struct PrbvhOptions {
   uint32_t max_leaf;
   // Most links from the root to a leaf; 0: 63, UINT32_MAX: any.
   uint32_t max_depth;
-  // 0.
-  uint32_t reserved;
+  // A PrbvhOptimizer.
+  uint32_t optimizer;
   // No iteration starts after so many seconds; 0: no limit.
   double max_seconds;
   // No iteration starts at this cost or less; 0: no target.
@@ -157,6 +180,8 @@ typedef struct PrbvhOptions {
   PrbvhProgressFn progress;
   // For `progress`.
   void *user;
+  // Which tree is optimised, by its name with parameters as the command has it: "hploc", "kmeans:q3", "aac:delta=8,epsilon=0.15". NULL: `initial`.
+  const char *initial_name;
 } PrbvhOptions;
 
 // A node, 32 bytes; the root is the first. Children come after their parents.

@@ -6,7 +6,6 @@ use super::{DeviceTree, Scratch};
 use crate::device::{Device, DeviceError, Lease, Recording, Timing};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::hploc::{HplocParams, STEPS};
-use prbvh_kernel::lbvh::{HierarchyParams, LeavesParams};
 use prbvh_kernel::setup::Triangle;
 use std::borrow::Cow;
 use std::num::NonZeroU32;
@@ -37,9 +36,7 @@ pub fn hploc<'a>(
     let (sorted, mut timings) = MortonOrder::record(&mut recording, device, triangles.into(), codes.into())?;
     let n = sorted.references;
     let tree = DeviceTree::allocate(device, n)?;
-    let leaves = LeavesParams { count: n };
-    let buffers = [&sorted.order, &sorted.boxes, &tree.nodes];
-    recording.dispatch("leaves", Kernel::LbvhLeaves, n, &leaves, &buffers);
+    sorted.record_leaves(&mut recording, "leaves", &tree.nodes);
     if n == 1 {
         timings.extend(device.run(&recording)?);
         sorted.free(device);
@@ -47,9 +44,7 @@ pub fn hploc<'a>(
         return Ok((tree, timings));
     }
     let radix = DeviceTree::allocate(device, n)?;
-    let hierarchy = HierarchyParams { count: n - 1 };
-    let buffers = [&sorted.high, &sorted.low, &radix.nodes];
-    recording.dispatch("hierarchy", Kernel::LbvhHierarchy, n - 1, &hierarchy, &buffers);
+    sorted.record_hierarchy(&mut recording, &radix.nodes);
     timings.extend(device.run(&recording)?);
     sorted.free(device);
 

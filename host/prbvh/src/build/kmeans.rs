@@ -13,7 +13,6 @@ use prbvh_kernel::kmeans::{
     AssignParams, CHUNK, CentresParams, Frame, HalveParams, JoinParams, MOST_CANDIDATES, MOST_CLUSTERS, MeansParams,
     PER_CLUSTER, Part, Point, RelabelParams, TALLY_WORDS, TallyParams,
 };
-use prbvh_kernel::lbvh::LeavesParams;
 use prbvh_kernel::setup::Triangle;
 use prbvh_kernel::{Kernel, grid};
 use std::borrow::Cow;
@@ -132,8 +131,7 @@ pub(crate) fn kmeans_unchecked<'a>(
         clustering.run(device, &mut timings)?;
         scratch.free(device);
     }
-    let leaves = LeavesParams { count: n };
-    recording.dispatch("leaves", Kernel::LbvhLeaves, n, &leaves, &[&sorted.order, &sorted.boxes, &tree.nodes]);
+    sorted.record_leaves(&mut recording, "leaves", &tree.nodes);
     let mut scratch = Scratch::default();
     let arrivals = scratch.allocate(device, "arrivals", arrivals_length(n), 4)?;
     record_refit(&mut recording, n, &tree.nodes, &arrivals);

@@ -4,8 +4,6 @@ use super::codes::Codes;
 use super::order::MortonOrder;
 use super::{DeviceTree, Scratch, arrivals_length, record_refit};
 use crate::device::{Device, DeviceError, Lease, Recording, Timing};
-use prbvh_kernel::Kernel;
-use prbvh_kernel::lbvh::{HierarchyParams, LeavesParams};
 use prbvh_kernel::setup::Triangle;
 use std::borrow::Cow;
 
@@ -24,12 +22,8 @@ pub fn lbvh<'a>(
     let (sorted, mut timings) = MortonOrder::record(&mut recording, device, triangles.into(), codes.into())?;
     let n = sorted.references;
     let tree = DeviceTree::allocate(device, n)?;
-    let leaves = LeavesParams { count: n };
-    let buffers = [&sorted.order, &sorted.boxes, &tree.nodes];
-    recording.dispatch("hierarchy", Kernel::LbvhLeaves, n, &leaves, &buffers);
-    let hierarchy = HierarchyParams { count: n - 1 };
-    let buffers = [&sorted.high, &sorted.low, &tree.nodes];
-    recording.dispatch("hierarchy", Kernel::LbvhHierarchy, n - 1, &hierarchy, &buffers);
+    sorted.record_leaves(&mut recording, "hierarchy", &tree.nodes);
+    sorted.record_hierarchy(&mut recording, &tree.nodes);
     let mut scratch = Scratch::default();
     let arrivals = scratch.allocate(device, "arrivals", arrivals_length(n), 4)?;
     record_refit(&mut recording, n, &tree.nodes, &arrivals);

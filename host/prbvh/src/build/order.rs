@@ -6,6 +6,7 @@ use super::{Scratch, check_limits};
 use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
 use crate::scene::SafeRange;
 use prbvh_kernel::aabb::Aabb;
+use prbvh_kernel::lbvh::{HierarchyParams, LeavesParams};
 use prbvh_kernel::setup::{BOUNDS_CHUNK, BoundsParams, BoxesParams, Triangle};
 use prbvh_kernel::sort::GatherParams;
 use prbvh_kernel::{Kernel, grid};
@@ -54,6 +55,20 @@ impl MortonOrder {
         let order = scratch.allocate(device, "order", references as usize, 4)?;
         let (high, low) = record_codes(recording, &mut codes, device, references, (&boxes, &order), plan, scene_box)?;
         Ok((Self { references, scene_box, boxes, order, high, low, scratch, codes }, timings))
+    }
+
+    /// Records the leaves of a tree in this order.
+    pub(super) fn record_leaves(&self, recording: &mut Recording, label: &'static str, nodes: &Buffer) {
+        let params = LeavesParams { count: self.references };
+        let buffers = [&self.order, &self.boxes, nodes];
+        recording.dispatch(label, Kernel::LbvhLeaves, params.count, &params, &buffers);
+    }
+
+    /// Records the links of the radix tree of the codes.
+    pub(super) fn record_hierarchy(&self, recording: &mut Recording, nodes: &Buffer) {
+        let params = HierarchyParams { count: self.references - 1 };
+        let buffers = [&self.high, &self.low, nodes];
+        recording.dispatch("hierarchy", Kernel::LbvhHierarchy, params.count, &params, &buffers);
     }
 
     /// Gives the memory of the codes and their sort back.

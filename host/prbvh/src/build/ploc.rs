@@ -4,7 +4,6 @@ use super::codes::Codes;
 use super::order::MortonOrder;
 use super::{DeviceTree, Scratch};
 use crate::device::{Buffer, Device, DeviceError, Lease, Recording, Timing};
-use prbvh_kernel::lbvh::LeavesParams;
 use prbvh_kernel::ploc::merge::{MOST_GROUPS, MergeParams};
 use prbvh_kernel::ploc::nearest::NearestParams;
 use prbvh_kernel::ploc::{Cluster, ClustersParams, Progress};
@@ -45,9 +44,7 @@ pub fn ploc<'a>(
     let n = sorted.references;
     let tree = DeviceTree::allocate(device, n)?;
     let mut recording = Recording::new();
-    let leaves = LeavesParams { count: n };
-    let buffers = [&sorted.order, &sorted.boxes, &tree.nodes];
-    recording.dispatch("leaves", Kernel::LbvhLeaves, n, &leaves, &buffers);
+    sorted.record_leaves(&mut recording, "leaves", &tree.nodes);
     let mut scratch = Scratch::default();
     let list = List::allocate(&mut scratch, device, n)?;
     let params = ClustersParams { count: n };
