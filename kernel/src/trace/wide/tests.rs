@@ -37,7 +37,7 @@ impl Random {
 
     fn ray(&mut self) -> Ray {
         const COMPONENTS: [f32; 6] = [0.0, -0.0, 1.0, -1.0, 1.0 / 16_777_216.0, -1.0 / 16_777_216.0];
-        let is_extreme = self.word() % 3 == 0;
+        let is_extreme = self.word().is_multiple_of(3);
         let mut component = || if is_extreme { self.one_of(&COMPONENTS) } else { self.unit() };
         let direction = [component(), component(), component()];
         let direction = if direction.map(|x| x == 0.0) == [true; 3] { [0.0, 0.0, -1.0] } else { direction };
@@ -111,7 +111,7 @@ fn eight_compressed_boxes_at_once() {
             ..CwbvhNode::default()
         };
         for slot in 0..8 {
-            if random.word() % 4 == 0 {
+            if random.word().is_multiple_of(4) {
                 node.meta[slot / 4] &= !(0xff << (8 * (slot % 4)));
             }
         }
@@ -169,7 +169,7 @@ fn edges_at_once() {
             _ => [0, 1, 2].map(|k| ray.origin[k] + 1e9 * (ray.direction[k] + 0.3 * random.unit())),
         };
         let corners = [corner(), corner(), corner()];
-        let corners = if random.word() % 8 == 0 { [corners[0], corners[1], corners[1]] } else { corners };
+        let corners = if random.word().is_multiple_of(8) { [corners[0], corners[1], corners[1]] } else { corners };
         let expected = prepared.hits(corners, ray.t_max);
         let id = random.one_of(&[0, 1, u32::MAX >> 1]);
         let found = TraceTriangle::new(id, corners).hit(&prepared, ray.t_max);
