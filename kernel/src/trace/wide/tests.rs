@@ -140,9 +140,10 @@ fn steps_lose_no_box() {
         // Multiples of the step, so that the box has no rounding.
         let exponent = random.one_of(&[140u32, 145, 149]);
         let step = f32::from_bits(exponent << 23);
-        let corner = [0, 1, 2].map(|_| (random.unit() * 1e9 / step).round() * step);
+        let t = 1e9 * (1.0 + random.unit());
+        let corner = [0, 1, 2].map(|k| ((ray.origin[k] + t * ray.direction[k]) / step - 128.0).round() * step);
         let q = [0, 1, 2].map(|_| {
-            let (a, b) = (random.word() % 256, random.word() % 256);
+            let (a, b) = (random.word() % 160, 96 + random.word() % 160);
             [a.min(b) as f32, a.max(b) as f32]
         });
         let face = |k: usize, side: usize| corner[k] + q[k][side] * step;
