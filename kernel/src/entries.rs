@@ -35,6 +35,7 @@ use crate::refit::{RefitParams, refit};
 use crate::rotations::{self, RotateParams};
 use crate::setup::{self, BoundsParams, BoxesParams, Triangle};
 use crate::sort::{self, GatherParams, SortParams};
+use crate::subtrees::{self, SubtreesParams};
 use crate::trace::counts::{self, CountParams, RayCounts};
 use crate::trace::path::{
     self, CameraParams, FilmParams, GatherParams as LightParams, Light, Path, Pixel, ShadeParams, Surface,
@@ -132,15 +133,11 @@ kernels! {
     ] => |i| sort::gather(i, order, words, gathered);
 
     LbvhLeaves lbvh_leaves(params: LeavesParams) [
-        0 order: &[u32],
-        1 boxes: &[Aabb],
-        2 nodes: &[AtomicNode],
+        0 order: &[u32], 1 boxes: &[Aabb], 2 nodes: &[AtomicNode],
     ] => |i| lbvh::leaves(i, params, order, boxes, nodes);
 
     LbvhHierarchy lbvh_hierarchy(params: HierarchyParams) [
-        0 high: &[u32],
-        1 low: &[u32],
-        2 nodes: &[AtomicNode],
+        0 high: &[u32], 1 low: &[u32], 2 nodes: &[AtomicNode],
     ] => |i| lbvh::hierarchy(i, params, high, low, nodes);
 
     PlocClusters ploc_clusters(params: ClustersParams) [
@@ -212,9 +209,12 @@ kernels! {
     ] => |i| rotations::rotate(i, params, nodes, arrivals, kept, report);
 
     Refit refit_climb(params: RefitParams) [
-        0 nodes: &[AtomicNode],
-        1 arrivals: &[AtomicU32],
+        0 nodes: &[AtomicNode], 1 arrivals: &[AtomicU32],
     ] => |i| refit(i, params, nodes, arrivals);
+
+    SubtreesRefit subtrees_refit(params: SubtreesParams) [
+        0 boxes: &[Aabb], 1 nodes: &[AtomicNode], 2 report: &[AtomicU32],
+    ] => |i| subtrees::refit(i, params, boxes, nodes, report);
 
     Cost cost_sums(params: CostParams) [
         0 nodes: &[Node],

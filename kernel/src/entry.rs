@@ -75,6 +75,7 @@ macro_rules! kernels {
                     Self::PrbvhSearch | Self::PlocNearest => 16,
                     #[cfg(feature = "atrbvh")]
                     Self::AtrbvhRestructure | Self::TrbvhRestructure => 1,
+                    Self::SubtreesRefit => 2,
                     // Chunks.
                     Self::WorstCount | Self::WorstSelect | Self::SortScatterAlone => 16,
                     // Workgroups.
