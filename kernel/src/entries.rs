@@ -39,6 +39,7 @@ use crate::refit::{RefitParams, refit};
 use crate::rotations::{self, RotateParams};
 use crate::setup::{self, BoundsParams, BoxesParams, Triangle};
 use crate::sort::{self, GatherParams, SortParams};
+use crate::subtrees::{self, SubtreesParams};
 use crate::trace::counts::{self, CountParams, RayCounts};
 use crate::trace::path::{
     self, CameraParams, FilmParams, GatherParams as LightParams, Light, Path, Pixel, ShadeParams, Surface,
@@ -200,9 +201,12 @@ kernels! {
     ] => |i| rotations::rotate(i, params, nodes, arrivals, kept, report);
 
     Refit refit_climb(params: RefitParams) [
-        0 nodes: &[AtomicNode],
-        1 arrivals: &[AtomicU32],
+        0 nodes: &[AtomicNode], 1 arrivals: &[AtomicU32],
     ] => |i| refit(i, params, nodes, arrivals);
+
+    SubtreesRefit subtrees_refit(params: SubtreesParams) [
+        0 boxes: &[Aabb], 1 nodes: &[AtomicNode], 2 report: &[AtomicU32],
+    ] => |i| subtrees::refit(i, params, boxes, nodes, report);
 
     Cost cost_sums(params: CostParams) [
         0 nodes: &[Node],

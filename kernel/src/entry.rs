@@ -77,6 +77,7 @@ macro_rules! kernels {
                     Self::AtrbvhRestructure | Self::TrbvhRestructure => 1,
                     Self::KmeansCentres | Self::KmeansAssign | Self::KmeansJoin => 1,
                     Self::KmeansHalve => 4,
+                    Self::SubtreesRefit => 2,
                     // Chunks.
                     Self::WorstCount | Self::WorstSelect | Self::SortScatterAlone => 16,
                     // Workgroups.

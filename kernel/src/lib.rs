@@ -18,6 +18,7 @@
 //! | [`cost`] | `cost` | boxes → partial sums of half surface areas |
 //! | [`prbvh`] | `prbvh_search`, `prbvh_lock`, `prbvh_check`, `prbvh_reinsert`, `prbvh_mark`, `prbvh_refit` | tree → better tree, as published |
 //! | [`prbvh::worst`] | `worst_*`, `dual_search`, `prbvh_lock`, `prbvh_check`, `prbvh_reinsert` | tree → better tree, the worst nodes first, by moves of two subtrees |
+//! | [`subtrees`] | `subtrees_refit` | boxes of the references → all boxes, and better subtrees |
 //! | [`rotations`] | `rotations_climb`, `cost` | tree → tree with better subtrees of three levels |
 //! | [`kept`] | `kept_restore`, `kept_graft` | tree → the best tree before it, tree with another top |
 //! | [`mod@collapse`] | `collapse_sizes`, `collapse_places`, `collapse_jump`, `collapse_emit` | tree → tree with adaptive leaves |
@@ -57,6 +58,7 @@ pub mod rotations;
 pub mod setup;
 pub mod sort;
 pub mod status;
+pub mod subtrees;
 pub mod sum;
 pub mod trace;
 pub mod workgroup;

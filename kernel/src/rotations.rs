@@ -52,6 +52,27 @@ pub struct RotateParams {
     pub scale: f32,
     /// Number of the best tree.
     pub epoch: u32,
+    /// Which nodes are offered a rotation.
+    pub offer: Offer,
+}
+
+/// Which nodes are offered a rotation in a refit: one pass over the tree after another need not come to all.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Offer {
+    /// Nodes whose number has other bits than `turn` in these places are not; 0 offers to all.
+    pub mask: u32,
+    /// Whose turn it is.
+    pub turn: u32,
+}
+
+impl Offer {
+    /// Whether it is for node `p`.
+    #[inline(always)]
+    #[must_use]
+    pub fn is_for(self, p: u32) -> bool {
+        (p ^ self.turn) & self.mask == 0
+    }
 }
 
 /// Invocation `i` climbs from leaf `i`, makes boxes anew and rotates. Reads and writes `nodes[2n-1]`, `arrivals[n-1]`, which starts as 0 and ends as 2
@@ -67,10 +88,14 @@ pub fn rotate(
 ) {
     let params = *params;
     climb(i, params.count, nodes, arrivals, move |p, left, right| {
+        if !params.offer.is_for(p) {
+            unite(p, left, right, nodes);
+            return;
+        }
         let family = Family::of(p, left, right, params.count - 1, nodes);
         let boxes = family.boxes(nodes);
         let choice =
-            if params.temperature > 0.0 { family.random(&params, &boxes) } else { family.best(&params, &boxes) };
+            if params.temperature > 0.0 { family.random(&params, &boxes) } else { family.best(params.flags, &boxes) };
         if choice.kind == NONE {
             nodes[p as usize].set_aabb(boxes.left.union(boxes.right));
         } else {
@@ -89,6 +114,25 @@ pub fn rotate(
             Sum::of(-choice.decrease, params.scale).add_to(report, GREW);
         }
     });
+}
+
+/// Gives `p` its box.
+#[inline(always)]
+pub(crate) fn unite(p: u32, left: u32, right: u32, nodes: &[AtomicNode]) {
+    nodes[p as usize].set_aabb(nodes[left as usize].aabb().union(nodes[right as usize].aabb()));
+}
+
+/// Makes the best of the rotations of `p`, if there is one, and gives it its box.
+#[inline(always)]
+pub(crate) fn rotate_best(p: u32, left: u32, right: u32, internal: u32, flags: u32, nodes: &[AtomicNode]) {
+    let family = Family::of(p, left, right, internal, nodes);
+    let boxes = family.boxes(nodes);
+    let choice = family.best(flags, &boxes);
+    if choice.kind == NONE {
+        nodes[p as usize].set_aabb(boxes.left.union(boxes.right));
+    } else {
+        family.make(choice.kind, nodes);
+    }
 }
 
 /// How many kinds of rotations there are: each child with either child of the other, and two of the four pairs of cousins, which the others mirror.
@@ -196,17 +240,20 @@ impl Family {
 
     /// The best of all rotations. No loop: a device may count its rounds.
     #[inline(always)]
-    fn best(self, params: &RotateParams, boxes: &Boxes) -> Choice {
-        let flags = params.flags;
-        let left = boxes.left.half_area() * RELATIVE_THRESHOLD;
-        let right = boxes.right.half_area() * RELATIVE_THRESHOLD;
+    fn best(self, flags: u32, boxes: &Boxes) -> Choice {
+        let (left, right) = (boxes.left.half_area(), boxes.right.half_area());
+        let (of_left, of_right) = (left * RELATIVE_THRESHOLD, right * RELATIVE_THRESHOLD);
         let mut best = Choice { kind: NONE, decrease: 0.0 };
-        best = self.better(best, 0, flags, right, boxes);
-        best = self.better(best, 1, flags, right, boxes);
-        best = self.better(best, 2, flags, left, boxes);
-        best = self.better(best, 3, flags, left, boxes);
-        best = self.better(best, 4, flags, left + right, boxes);
-        self.better(best, 5, flags, left + right, boxes)
+        // Whoever takes the other child in does not become smaller than that is.
+        if left < right {
+            best = self.better(best, 0, flags, of_right, boxes);
+            best = self.better(best, 1, flags, of_right, boxes);
+        } else {
+            best = self.better(best, 2, flags, of_left, boxes);
+            best = self.better(best, 3, flags, of_left, boxes);
+        }
+        best = self.better(best, 4, flags, of_left + of_right, boxes);
+        self.better(best, 5, flags, of_left + of_right, boxes)
     }
 
     /// One of the rotations, or none.

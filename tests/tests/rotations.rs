@@ -1,5 +1,6 @@
 //! Rotations against naive ones, on every device: hill climbing, annealing, and in a refit.
 
+use bytemuck::Zeroable;
 use prbvh::build::{DeviceTree, UnfitTree, sah_binned};
 use prbvh::bvh::{Bvh, quality, tree_hash, validate};
 use prbvh::device::Device;
@@ -10,11 +11,13 @@ use prbvh::optimize::{
 use prbvh::pipeline::{Optimizer, Settings, optimize};
 use prbvh::scene::{Scene, built_in};
 use prbvh_kernel::Kernel;
+use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::kept::Kept;
 use prbvh_kernel::node::{Node, RIGHT};
-use prbvh_kernel::rotations::{COUSINS, KEEPS, RELATIVE_THRESHOLD, RotateParams, exponential, key};
+use prbvh_kernel::rotations::{COUSINS, KEEPS, Offer, RELATIVE_THRESHOLD, RotateParams, exponential, key};
 use prbvh_kernel::setup::Triangle;
-use prbvh_kernel::status::{APPLIED, GREW, REPORT_WORDS, SHRUNK};
+use prbvh_kernel::status::{APPLIED, FAULT_BROKEN_TREE, FAULTS, GREW, REPORT_WORDS, SHRUNK};
+use prbvh_kernel::subtrees::{SubtreesParams, TO_LEAVES};
 use prbvh_kernel::sum::{scale_of, to_f64};
 use prbvh_kernel::trace::random::hash;
 use prbvh_tests::compare::Case;
@@ -79,10 +82,17 @@ struct Naive {
     cousins: bool,
     /// Temperature and key.
     annealed: Option<(f32, u32)>,
+    offer: Offer,
 }
+
+/// To every node.
+const TO_ALL: Offer = Offer { mask: 0, turn: 0 };
 
 impl Naive {
     fn choice(self, tree: &NaiveTree, p: u32) -> Option<Swap> {
+        if p & self.offer.mask != self.offer.turn & self.offer.mask {
+            return None;
+        }
         let swaps = swaps(tree, p, self.cousins);
         if let Some((temperature, key)) = self.annealed {
             let word = hash(p.wrapping_add(key));
@@ -125,6 +135,7 @@ fn params(tree: &NaiveTree, naive: Naive, flags: u32) -> RotateParams {
         temperature,
         scale: scale_of(half_area(&tree.boxes[0])),
         epoch: 1,
+        offer: naive.offer,
     }
 }
 
@@ -155,9 +166,10 @@ fn a_pass_is_the_naive_one() {
     for (name, start) in trees() {
         let temperature = (start.internal_area() / start.boxes.len() as f64) as f32;
         let ways = [
-            Naive { cousins: true, annealed: None },
-            Naive { cousins: false, annealed: None },
-            Naive { cousins: true, annealed: Some((temperature, key(7, 3))) },
+            Naive { cousins: true, annealed: None, offer: TO_ALL },
+            Naive { cousins: false, annealed: None, offer: TO_ALL },
+            Naive { cousins: true, annealed: Some((temperature, key(7, 3))), offer: TO_ALL },
+            Naive { cousins: true, annealed: None, offer: Offer { mask: 1, turn: 6 } },
         ];
         for naive in ways {
             let mut tree = start.clone();
@@ -190,9 +202,74 @@ fn a_pass_is_the_naive_one() {
 }
 
 #[test]
+fn a_pass_by_subtrees_is_the_naive_one() {
+    let mut made = 0;
+    for (name, start) in trees() {
+        let references = start.boxes.len().div_ceil(2) as u32;
+        let all = Naive { cousins: true, annealed: None, offer: TO_ALL };
+        let ways = [
+            (Some(all), vec![4, 2, 0]),
+            (Some(Naive { offer: Offer { mask: 3, turn: 5 }, ..all }), vec![7, 0]),
+            (Some(Naive { cousins: false, ..all }), vec![0]),
+            (None, vec![3, 0]),
+        ];
+        for (naive, levels) in ways {
+            let mut expected = start.clone();
+            match naive {
+                Some(naive) => made += naive.pass(&mut expected, 0),
+                None => expected.refit(0),
+            }
+            // Boxes come with the dispatch, by references, which leaves name in another order; those of the tree are stale.
+            let mut nodes = start.encode();
+            let (inner, leaves) = nodes.split_at_mut(references as usize - 1);
+            let mut boxes = vec![Aabb::EMPTY; references as usize];
+            for (k, leaf) in leaves.iter_mut().enumerate() {
+                leaf.down = references - 1 - k as u32;
+                expected.references[references as usize - 1 + k] = leaf.down;
+                boxes[leaf.down as usize] = leaf.aabb();
+            }
+            for node in inner.iter_mut().chain(leaves) {
+                (node.min, node.max) = ([7.0; 3], [-7.0; 3]);
+            }
+            let mut last = TO_LEAVES;
+            for first in levels {
+                let params = SubtreesParams {
+                    count: 1 << first,
+                    references,
+                    first,
+                    last,
+                    rotates: naive.is_some().into(),
+                    flags: naive.map_or(0, |naive| if naive.cousins { COUSINS } else { 0 }),
+                    offer: naive.map_or(TO_ALL, |naive| naive.offer),
+                };
+                let case = Case::new(Kernel::SubtreesRefit, params.count, &params).with(&boxes).with(&nodes);
+                let result = case.zeros(REPORT_WORDS as usize).run_everywhere();
+                assert_eq!(result.get::<u32>("report")[FAULTS], 0, "{name}");
+                nodes = result.get("nodes");
+                last = first;
+            }
+            assert!(NaiveTree::decode(&nodes) == expected, "{name}, {:?}", naive.map(|naive| naive.offer));
+        }
+    }
+    assert!(made > 1000, "{made}");
+}
+
+#[test]
+fn a_pass_by_subtrees_ends_where_links_go_round() {
+    let tree = tree_of(&working(&soup(50, 0.1, 1)), 1);
+    let mut nodes = tree.encode();
+    let last = nodes.len() - 1;
+    nodes[last].up = last as u32;
+    let params = SubtreesParams { count: 1, references: 50, last: TO_LEAVES, ..Zeroable::zeroed() };
+    let case = Case::new(Kernel::SubtreesRefit, 1, &params).with(&vec![Aabb::EMPTY; 50]).with(&nodes);
+    let result = case.zeros(REPORT_WORDS as usize).run_everywhere();
+    assert_eq!(result.get::<u32>("report")[FAULTS], FAULT_BROKEN_TREE);
+}
+
+#[test]
 fn the_naive_pass_tells_a_wrong_rotation() {
     let tree = tree_of(&working(&soup(200, 0.1, 1)), 1);
-    let naive = Naive { cousins: true, annealed: None };
+    let naive = Naive { cousins: true, annealed: None, offer: TO_ALL };
     let mut right = tree.clone();
     assert!(naive.pass(&mut right, 0) > 50);
     // One more, and not the best: another tree, and a dearer one.

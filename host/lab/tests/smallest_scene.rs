@@ -4,6 +4,7 @@ use prbvh::build::{DeviceTree, MortonBits};
 use prbvh::bvh::{Bvh, BvhNode, Content, NO_NODE, tree_hash};
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{self, Command, Device, DeviceError, DeviceInfo, DeviceKind, Recording, Timing};
+use prbvh::optimize::Reoptimizer;
 use prbvh::pipeline::{Settings, optimize};
 use prbvh::presplit::PresplitSettings;
 use prbvh::scene::Scene;
@@ -169,6 +170,17 @@ fn restored(device: &mut Noting) -> [u32; 2] {
     [left, right]
 }
 
+/// The smallest scene in motion, which the CPU device follows by subtrees and others by a climb.
+fn followed(device: &mut Noting) -> String {
+    let triangles = smallest().triangles;
+    let mut moving = Reoptimizer::new(&mut *device as &mut dyn Device, &comb(&triangles), &triangles).unwrap();
+    for frame in 1..4 {
+        let later: Vec<Triangle> = (0..7u32).map(|k| at(((k * (4 + frame)) % 7) as f32)).collect();
+        moving.refit(&later).unwrap();
+    }
+    tree_hash(&moving.tree().unwrap())
+}
+
 /// Pixels of a picture, and the first triangle that a ray meets in combs of every kind of stack.
 fn rays(device: &mut Noting) -> Vec<u32> {
     let scene = smallest();
@@ -243,6 +255,7 @@ fn every_kernel_runs_and_every_order_gives_the_same() {
             if atomics_64 && !(cfg!(miri) && order == Order::Parallel) {
                 made.insert("rays".to_owned(), format!("{:?}", rays(&mut device)));
             }
+            made.insert("followed".to_owned(), followed(&mut device));
             made.insert("restored".to_owned(), format!("{:?}", restored(&mut device)));
             assert_eq!(device.memory().bytes, 0);
             for (what, new) in made {

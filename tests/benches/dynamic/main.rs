@@ -2,6 +2,7 @@
 //! device, beside obvhs on the same frames. Each tree is checked after the last frame, and its cost is set against that of a tree built for that frame.
 
 mod peer;
+mod stages;
 
 use clap::Parser;
 use prbvh::bvh::{Bvh, SahModel, quality, validate};
@@ -13,6 +14,7 @@ use prbvh::pipeline::{self, Settings};
 use prbvh::scene::{self, Scene, Triangle};
 use prbvh_tests::bench::stats::median;
 use prbvh_tests::bench::{frames, machine};
+use stages::Stages;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
@@ -124,9 +126,10 @@ fn cost_of(tree: &Bvh, triangles: &[Triangle]) -> f64 {
 
 fn follow(tree: &Bvh, scene: &Scene, frames: &[Vec<Triangle>], device: &mut dyn Device, budget: Budget) -> Measured {
     let name = device.info().name.clone();
-    let run = || {
+    let device = &mut Stages::new(device);
+    let mut run = || {
         let (mut refits, mut steps) = (Vec::new(), Vec::new());
-        let mut moving = Reoptimizer::new(device, tree, &scene.triangles)?;
+        let mut moving = Reoptimizer::new(&mut *device as &mut dyn Device, tree, &scene.triangles)?;
         let bytes = moving.device().memory();
         for frame in frames {
             let start = Instant::now();
@@ -140,6 +143,7 @@ fn follow(tree: &Bvh, scene: &Scene, frames: &[Vec<Triangle>], device: &mut dyn 
         Ok::<_, prbvh::optimize::ReoptimizeError>((refits, steps, moving.tree()?))
     };
     let (refits, steps, tree) = run().unwrap_or_else(|error| panic!("{name}: {error}"));
+    println!("{name}, ms of a frame: {}", device.line(frames.len()));
     let most_s = refits.iter().zip(&steps).map(|(refit, step)| refit + step).fold(0.0, f64::max);
     let cost = cost_of(&tree, &frames[frames.len() - 1]);
     Measured { name, refit_s: median(&refits), step_s: median(&steps), most_s, cost }

@@ -287,6 +287,7 @@ impl<'a> Run<'a> {
             temperature,
             scale,
             epoch: self.epoch,
+            ..bytemuck::Zeroable::zeroed()
         };
         let mut recording = Recording::new();
         self.measure.record_no_arrivals(&mut recording);

@@ -61,8 +61,8 @@ pub(super) fn initial_tree(
             ("build on the host", built.ok_or(DeviceError::Stopped)?)
         }
         Initial::Tree(_) | Initial::Sbvh => {
-            let tree = given.map(|given| given.tree.clone()).ok_or(DeviceError::Stopped)?;
-            ("read tree", tree.with_boxes_of(&working).to_device()?)
+            let References { tree, .. } = given.expect("whoever asks for such a tree has made its references");
+            ("read tree", tree.clone().with_boxes_of(&working).to_device()?)
         }
         #[cfg(feature = "files")]
         Initial::File { path } => ("read tree", build::from_file(path, scene, &working)?),

@@ -7,15 +7,26 @@ use super::super::moves::Moves;
 use super::super::rotations::record_rotations;
 use super::super::{TreeAreas, WorstFirst};
 use crate::build::{DeviceTree, Scratch};
-use crate::device::{Buffer, Device, DeviceError, Recording};
+use crate::device::{Buffer, Device, DeviceError, DeviceKind, Recording};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::lbvh::LeavesParams;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::prbvh::worst::RoundParams;
-use prbvh_kernel::rotations::{COUSINS, RotateParams};
+use prbvh_kernel::refit::RefitParams;
+use prbvh_kernel::rotations::{COUSINS, Offer, RotateParams};
 use prbvh_kernel::status::REPORT_WORDS;
+use prbvh_kernel::subtrees::{SubtreesParams, TO_LEAVES};
 use prbvh_kernel::sum::scale_of;
+
+/// One in so many nodes is offered a rotation in a frame, in turn; a power of two.
+const OFFERED: u32 = 2;
+/// Leaves of a subtree that is worth an invocation, where there are few threads.
+const LEAVES_OF_A_SUBTREE: u32 = 64;
+/// Most levels above these subtrees.
+const MOST_LEVELS: u32 = 12;
+/// So many levels are one subtree.
+const FEW_LEVELS: u32 = 6;
 
 /// The tree, and everything that a frame needs.
 #[derive(Debug)]
@@ -30,6 +41,10 @@ pub(super) struct Working {
     order: Buffer,
     root_area: f32,
     scale: f32,
+    /// Whether boxes are made by whole subtrees; else by a climb. Both make the same.
+    by_subtrees: bool,
+    /// Refits.
+    turn: u32,
 }
 
 impl Working {
@@ -46,6 +61,7 @@ impl Working {
         let moves = Moves::new(device, &mut scratch, &tree, internal as usize, REPORT_WORDS * rounds)?;
         let measure = Measure::new(device, &mut scratch, &tree, &moves.report)?;
         let lists = Lists::new(device, &mut scratch, internal)?;
+        let is_cpu = device.info().kind == DeviceKind::Cpu;
         let mut buffer = |label, length, element_bytes| scratch.allocate(&mut *device, label, length, element_bytes);
         let working = Self {
             lists,
@@ -57,6 +73,8 @@ impl Working {
             measure,
             root_area: 0.0,
             scale: 0.0,
+            by_subtrees: is_cpu,
+            turn: 0,
         };
         let order: Vec<u32> = nodes[internal as usize..].iter().map(|leaf| leaf.down).collect();
         device.upload(&working.order, bytemuck::cast_slice(&order))?;
@@ -76,23 +94,12 @@ impl Working {
     ) -> Result<Aabb, DeviceError> {
         device.upload(&self.boxes, bytemuck::cast_slice(boxes))?;
         let mut recording = Recording::new();
-        let params = LeavesParams { count: self.tree.references };
-        let buffers = [&self.order, &self.boxes, &self.tree.nodes];
-        recording.dispatch("refit", Kernel::LbvhLeaves, params.count, &params, &buffers);
-        if rotates {
-            let arrivals = &self.measure.arrivals;
-            let params = RotateParams { count: self.tree.references, flags: COUSINS, ..bytemuck::Zeroable::zeroed() };
-            record_rotations(
-                &mut recording,
-                &self.tree.nodes,
-                arrivals,
-                (&self.moves.kept, &self.moves.report),
-                params,
-            );
+        self.turn = self.turn.wrapping_add(1);
+        if self.by_subtrees {
+            self.record_subtrees(&mut recording, rotates);
         } else {
-            self.measure.record_refit(&mut recording);
+            self.record_climb(&mut recording, rotates);
         }
-        self.measure.record_no_arrivals(&mut recording);
         recording.fetch("refit", &self.tree.nodes, size_of::<Node>());
         device.run(&recording)?;
         let mut root = [bytemuck::Zeroable::zeroed()];
@@ -101,6 +108,48 @@ impl Working {
         self.root_area = root.half_area();
         self.scale = scale_of(self.root_area.into());
         Ok(root)
+    }
+
+    /// Who is offered a rotation in this frame.
+    fn offer(&self) -> Offer {
+        Offer { mask: OFFERED - 1, turn: self.turn }
+    }
+
+    /// Records a refit by whole subtrees, from the bottom ones up to that of the root.
+    fn record_subtrees(&self, recording: &mut Recording, rotates: bool) {
+        let references = self.tree.references;
+        let deepest = (references / LEAVES_OF_A_SUBTREE).max(1).ilog2().min(MOST_LEVELS);
+        let mut last = TO_LEAVES;
+        let mut first = deepest;
+        while last > 0 {
+            let params = SubtreesParams {
+                count: 1 << first,
+                references,
+                first,
+                last,
+                rotates: rotates.into(),
+                flags: COUSINS,
+                offer: self.offer(),
+            };
+            let buffers = [&self.boxes, &self.tree.nodes, &self.moves.report];
+            recording.dispatch("refit", Kernel::SubtreesRefit, params.count, &params, &buffers);
+            (first, last) = (if first > FEW_LEVELS { first / 2 } else { 0 }, first);
+        }
+    }
+
+    /// Records a refit by a climb, over arrivals that are clear before and after.
+    fn record_climb(&mut self, recording: &mut Recording, rotates: bool) {
+        let (count, nodes, arrivals) = (self.tree.references, &self.tree.nodes, &self.measure.arrivals);
+        let buffers = [&self.order, &self.boxes, nodes];
+        recording.dispatch("refit", Kernel::LbvhLeaves, count, &LeavesParams { count }, &buffers);
+        if rotates {
+            let params = RotateParams { count, flags: COUSINS, offer: self.offer(), ..bytemuck::Zeroable::zeroed() };
+            let buffers = (&self.moves.kept, &self.moves.report);
+            record_rotations(recording, nodes, arrivals, buffers, params);
+        } else {
+            recording.dispatch("refit", Kernel::Refit, count, &RefitParams { count }, &[nodes, arrivals]);
+        }
+        self.measure.record_no_arrivals(recording);
     }
 
     /// The sums of the areas.
