@@ -7,12 +7,12 @@ use prbvh_kernel::mem::AtomicU32;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::prbvh::dual::DualMove;
 use prbvh_kernel::prbvh::dual::search::{DualParams, TO_THE_ROOT, search};
+use prbvh_kernel::prbvh::group::{BEGINS, COMES_FIRST};
 use prbvh_kernel::prbvh::worst::RoundParams;
 use prbvh_kernel::prbvh::worst::books::CHUNK;
 use prbvh_kernel::prbvh::worst::books::{
     BEGIN, BOOKS_WORDS, CLOSE, FRINGE_LENGTH, LIST_LENGTH, OVER_LIST, PART, POOL_LENGTH, POOL_SIDE, SELECTS, TURN,
 };
-use prbvh_kernel::prbvh::worst::group::{BEGINS, COMES_FIRST};
 use prbvh_kernel::prbvh::worst::keys::{COLD, IN_POOL, ON_FRINGE, TIRED, measure_of, waits};
 use prbvh_kernel::prbvh::{DUAL, Move, PrbvhParams, WON};
 use prbvh_kernel::status::REPORT_WORDS;

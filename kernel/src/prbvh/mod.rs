@@ -55,6 +55,7 @@
 pub mod check;
 pub mod conservative;
 pub mod dual;
+pub mod group;
 pub mod lock;
 pub mod paths;
 pub mod reinsert;

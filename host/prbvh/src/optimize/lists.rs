@@ -6,9 +6,9 @@ use crate::build::{Scratch, sort_kernels};
 use crate::device::{Buffer, Device, DeviceError, DeviceInfo, DeviceKind, Recording};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::prbvh::dual::search::{DualParams, TO_THE_ROOT};
+use prbvh_kernel::prbvh::group::{BEGINS, COMES_FIRST};
 use prbvh_kernel::prbvh::worst::RoundParams;
 use prbvh_kernel::prbvh::worst::books::{BEGIN, CLOSE, LISTS, OVER_BOTH, OVER_LIST, OVER_POOL, SELECTS};
-use prbvh_kernel::prbvh::worst::group::{BEGINS, COMES_FIRST};
 use prbvh_kernel::prbvh::worst::top::{TopNode, TopParams};
 use prbvh_kernel::prbvh::{DUAL, PrbvhParams, ROUNDS};
 
@@ -24,7 +24,7 @@ const SMALL_ROUND_OF_VULKAN_CPU: u32 = 256;
 /// Internal nodes of a tree through which one invocation may walk on any device: lavapipe leaves its loops after 65,535 rounds of them all, in silence.
 const WALK: u32 = 1 << 13;
 
-/// How many nodes a round wants at the most that is [small](prbvh_kernel::prbvh::worst::group), and whether a single workgroup may unfold a tree.
+/// How many nodes a round wants at the most that is [small](prbvh_kernel::prbvh::group), and whether a single workgroup may unfold a tree.
 fn alone(info: &DeviceInfo, internal: u32) -> (u32, bool) {
     match info.kind {
         DeviceKind::VulkanCpu if internal > WALK => (0, false),

@@ -5,7 +5,7 @@
 use super::RoundParams;
 use super::verdict;
 pub use super::words::*;
-use super::words::{list_in_turn, run_over};
+use super::words::list_in_turn;
 use crate::mem::AtomicU32;
 use crate::node::ROOT;
 use crate::status::{self, FAULT_BROKEN_TREE, FAULTS, FRINGE, GREW, MARKED, REFITTED, SHRUNK};
@@ -50,7 +50,7 @@ pub fn books(params: &RoundParams, books: &[AtomicU32], fringe: &[AtomicU32], re
 /// One in two to this power of the nodes of a pool is counted: of a large pool a part tells enough, and all threads count in the same few words. Which
 /// are counted has nothing to do with whose turn it is.
 #[inline(always)]
-pub(super) fn thinning(length: u32) -> u32 {
+pub(in crate::prbvh) fn thinning(length: u32) -> u32 {
     let mut thinning = 0;
     while thinning < 4 && length >> thinning > 4096 {
         thinning += 1;
@@ -59,7 +59,7 @@ pub(super) fn thinning(length: u32) -> u32 {
 }
 
 #[inline(always)]
-pub(super) fn begin(params: &RoundParams, books: &[AtomicU32], fringe: &[AtomicU32]) {
+pub(in crate::prbvh) fn begin(params: &RoundParams, books: &[AtomicU32], fringe: &[AtomicU32]) {
     for word in 0..EPOCH as u32 {
         books[word as usize].store(0);
     }
@@ -104,7 +104,7 @@ fn run_over_pool(books: &[AtomicU32], pool: u32, fringe: u32) {
 }
 
 #[inline(always)]
-pub(super) fn close(params: &RoundParams, books: &[AtomicU32], report: &[AtomicU32]) {
+pub(in crate::prbvh) fn close(params: &RoundParams, books: &[AtomicU32], report: &[AtomicU32]) {
     let row = params.row as usize;
     let lost = Sum::load(books, LOST).plus(Sum::load(report, row + SHRUNK)).minus(Sum::load(report, row + GREW));
     lost.store(books, LOST);

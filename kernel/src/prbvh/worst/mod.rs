@@ -26,13 +26,12 @@
 //! | `worst_mark`, `worst_refit` | boxes and keys above them |
 //! | `worst_books` | the sum of the areas, whether it is the lowest so far, how long the lists are |
 //!
-//! Where few nodes are searched, `worst_head` does all that comes before the search, and `worst_tail` all that comes after it ([`group`]).
+//! Where few nodes are searched, `worst_head` does all that comes before the search, and `worst_tail` all that comes after it ([`super::group`]).
 //!
 //! Lists are filled through a common counter, so that their order differs from run to run. Nothing depends on it: what is on a list does not, no node is on a list
 //! twice, locks know moves by their nodes, and sums have no order ([`crate::sum`]).
 
 pub mod books;
-pub mod group;
 pub mod keys;
 pub mod refit;
 pub mod select;
@@ -62,7 +61,7 @@ pub struct RoundParams {
     pub scale: f32,
     /// The word of the report with which the row of the round begins.
     pub row: u32,
-    /// Of [`books`]: which page. Of [`group`]: how many stages unfold, or how many rounds of locks there are.
+    /// Of [`books`]: which page. Of [`super::group`]: how many stages unfold, or how many rounds of locks there are.
     pub page: u32,
     /// Nodes to search in the round.
     pub wanted: u32,
@@ -70,7 +69,7 @@ pub struct RoundParams {
     pub pool: u32,
     /// Of the published order: every `mu`-th node is searched at first; 0 in the other.
     pub mu: u32,
-    /// Of [`verdict`], [`books`] and [`group`]: [`JUDGES`](verdict::JUDGES) and the like.
+    /// Of [`verdict`], [`books`] and [`super::group`]: [`JUDGES`](verdict::JUDGES) and the like.
     pub flags: u32,
     /// A round that searches as many nodes counts where it makes no progress.
     pub broad: u32,

@@ -1,4 +1,4 @@
-//! The worst nodes of the pool, without a sort: a histogram of the keys, a threshold ([`super::group`]), a selection.
+//! The worst nodes of the pool, without a sort: a histogram of the keys, a threshold ([`crate::prbvh::group`]), a selection.
 //!
 //! Kind: maps over chunks of the pool, and scatters to places that a common counter gives.
 
@@ -43,7 +43,7 @@ pub fn count(i: u32, params: &RoundParams, pool: &[u32], keys: &[u32], books: &[
 
 /// Calls `add` with the bucket of each key that is counted; `pool(place)` and `key(v)` read.
 #[inline(always)]
-pub(super) fn count_in(
+pub(in crate::prbvh) fn count_in(
     i: u32,
     params: &RoundParams,
     pool: impl Fn(usize) -> u32,

@@ -84,7 +84,7 @@ fn raise(word: &AtomicU32, value: u32) {
 
 /// Has as many invocations as this many run at `at`.
 #[inline(always)]
-pub(super) fn run_over(books: &[AtomicU32], at: usize, count: u32) {
+pub(in crate::prbvh) fn run_over(books: &[AtomicU32], at: usize, count: u32) {
     let [x, y, z] = grid::workgroups(count);
     books[at].store(count);
     books[at + 1].store(x);

@@ -6,15 +6,14 @@
 //!
 //! Kind: a single workgroup. What one lane hands on to another goes through atomics ([`Workgroup::wide_phase`]); a move stays with its lane.
 
-use super::RoundParams;
-use super::books::{
+use super::worst::RoundParams;
+use super::worst::books::{
     self, BUCKET, BUCKETS, CELLS, CHUNK, CLOSE, FRINGE_LENGTH, FRINGE_SIDE, HISTOGRAM, LIST_LENGTH, OVER_LIST, PART,
-    POOL_LENGTH, POOL_SIDE, SELECTS, STOPPED, TURN, UNFOLDS, thinning,
+    POOL_LENGTH, POOL_SIDE, SELECTS, STOPPED, TURN, UNFOLDS, run_over, thinning,
 };
-use super::refit;
-use super::select::{count_in, select};
-use super::unfold::unfold;
-use super::words::run_over;
+use super::worst::refit;
+use super::worst::select::{count_in, select};
+use super::worst::unfold::unfold;
 use crate::kept::Kept;
 use crate::math::{umax, umin};
 use crate::mem::{AtomicU32, AtomicU64, SharedU32, Slot};
@@ -39,7 +38,7 @@ const SUMS: u32 = BUCKETS / TOGETHER;
 pub const HEAD_WORDS: usize = (BUCKETS + SUMS) as usize;
 
 /// What comes before the search: with [`BEGINS`] the first nodes of a search, with [`COMES_FIRST`] all of it, with neither the threshold alone, after
-/// [`super::select::count`] and before [`select`]. Reads `nodes[2n-1]`; reads and writes `keys[n-1]`, `fringe[2(n-1)]`, `pool[2(n-1)]`; writes `list[n-1]`.
+/// [`super::worst::select::count`] and before [`select`]. Reads `nodes[2n-1]`; reads and writes `keys[n-1]`, `fringe[2(n-1)]`, `pool[2(n-1)]`; writes `list[n-1]`.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "a parameter for each buffer")]
 pub fn head<W: Workgroup>(
