@@ -68,10 +68,7 @@ kernels! {
     ] shared words: presplit::SUMS_WORDS => |w| presplit::sums(w, params, priority, scales, sums, words);
 
     PresplitPlaces presplit_places(params: presplit::PlacesParams) [
-        0 priority: &[f32],
-        1 shares: &[ChunkShare],
-        2 splits: &[Slot<u32>],
-        3 places: &[Slot<u32>],
+        0 priority: &[f32], 1 shares: &[ChunkShare], 2 splits: &[Slot<u32>], 3 places: &[Slot<u32>],
     ] shared words: presplit::PLACES_WORDS => |w| presplit::places(w, params, priority, shares, splits, places, words);
 
     PresplitPieces presplit_pieces(params: PiecesParams) [
@@ -209,10 +206,7 @@ kernels! {
     ] => |i| subtrees::refit(i, params, boxes, nodes, report);
 
     Cost cost_sums(params: CostParams) [
-        0 nodes: &[Node],
-        1 arrivals: &[u32],
-        2 partial: &[Slot<f32>],
-        3 report: &[AtomicU32],
+        0 nodes: &[Node], 1 arrivals: &[u32], 2 partial: &[Slot<f32>], 3 report: &[AtomicU32],
     ] shared words: cost::COST_WORDS => |w| cost::cost(w, params, nodes, arrivals, partial, report, words);
 
     PrbvhSearch prbvh_search(params: PrbvhParams) [
@@ -309,9 +303,7 @@ kernels! {
     ] => |i| collapse::sizes(i, params, nodes, subtrees, arrivals);
 
     CollapsePlaces collapse_places(params: PlacesParams) [
-        0 nodes: &[Node],
-        1 subtrees: &[u32],
-        2 places: &[Slot<Place>],
+        0 nodes: &[Node], 1 subtrees: &[u32], 2 places: &[Slot<Place>],
     ] => |i| collapse::places(i, nodes, subtrees, places);
 
     CollapseJump collapse_jump(params: PlacesParams) [

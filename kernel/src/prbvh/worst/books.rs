@@ -4,8 +4,8 @@
 
 use super::RoundParams;
 use super::verdict;
-pub use super::words::*;
 use super::words::list_in_turn;
+pub use super::words::*;
 use crate::mem::AtomicU32;
 use crate::node::ROOT;
 use crate::status::{self, FAULT_BROKEN_TREE, FAULTS, FRINGE, GREW, MARKED, REFITTED, SHRUNK};
