@@ -1,6 +1,6 @@
 //! From a tree to the threaded nodes of a device.
 
-use super::validate::structure_faults;
+use super::validate::{link_faults, structure_faults};
 use super::{Bvh, Content, NO_NODE, TreeFault, summary};
 use prbvh_kernel::node::{Node, RIGHT};
 
@@ -33,19 +33,18 @@ impl Bvh {
     /// # Errors
     /// [`EncodeError::Broken`], or [`EncodeError::LeafSize`] at the first leaf of several triangles.
     pub fn to_device(&self) -> Result<Vec<Node>, EncodeError> {
-        self.threaded(&self.preorder_checked()?, |node, first, triangles| match triangles {
+        self.threaded(&checked(self, structure_faults(self))?, |node, first, triangles| match triangles {
             1 => Ok(self.triangle_order[first as usize]),
             _ => Err(EncodeError::LeafSize { node, triangles }),
         })
     }
 
-    /// The nodes as a depth-first walk meets them.
+    /// The nodes as a depth-first walk meets them; a triangle may be in several leaves, and in none.
     ///
     /// # Errors
     /// [`EncodeError::Broken`].
     pub(crate) fn preorder_checked(&self) -> Result<Vec<u32>, EncodeError> {
-        let faults = structure_faults(self);
-        if faults.is_empty() { Ok(self.preorder()) } else { Err(EncodeError::Broken { faults }) }
+        checked(self, link_faults(self))
     }
 
     /// As [`Bvh::to_device`] numbers them in this walk, with what `held` says of a leaf's node and range in place of its triangle.
@@ -85,6 +84,10 @@ impl Bvh {
         }
         Ok(nodes)
     }
+}
+
+fn checked(tree: &Bvh, faults: Vec<TreeFault>) -> Result<Vec<u32>, EncodeError> {
+    if faults.is_empty() { Ok(tree.preorder()) } else { Err(EncodeError::Broken { faults }) }
 }
 
 #[cfg(test)]

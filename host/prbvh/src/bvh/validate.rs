@@ -49,6 +49,14 @@ pub(super) fn structure_faults(tree: &Bvh) -> Vec<TreeFault> {
     links_and_leaves(tree, tree.triangle_order.len())
 }
 
+/// Those of links and of ranges, whatever triangles are in these.
+pub(super) fn link_faults(tree: &Bvh) -> Vec<TreeFault> {
+    let most = tree.triangle_order.iter().max().map_or(0, |&id| id as usize + 1);
+    let mut check = Check::with_repeats_and_gaps(tree, most);
+    check.structure();
+    check.faults
+}
+
 /// How far the walk is with a node.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Visit {

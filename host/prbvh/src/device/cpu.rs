@@ -53,6 +53,7 @@ impl CpuDevice {
             memory_bytes: 0,
             atomics_64: true,
             busy_invocations: u32::try_from(threads * 8).unwrap_or(u32::MAX),
+            kernel_buffers: u32::MAX,
         };
         Self { sim, info, memory: MemoryUse::default(), traffic: Traffic::default(), live: HashMap::new() }
     }

@@ -117,6 +117,8 @@ pub struct DeviceInfo {
     pub atomics_64: bool,
     /// Invocations that keep the device busy: work is cut into about this many chunks where the cut is free.
     pub busy_invocations: u32,
+    /// Buffers that a kernel may have at once; a kernel of more is left out, in favour of several of fewer.
+    pub kernel_buffers: u32,
 }
 
 impl DeviceInfo {
@@ -132,6 +134,7 @@ impl DeviceInfo {
             memory_bytes: 0,
             atomics_64: false,
             busy_invocations: 1,
+            kernel_buffers: u32::MAX,
         }
     }
 

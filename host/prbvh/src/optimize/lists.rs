@@ -33,6 +33,11 @@ fn alone(info: &DeviceInfo, internal: u32) -> (u32, bool) {
     }
 }
 
+/// Whether a single workgroup may end a small round.
+fn ends_alone(info: &DeviceInfo) -> bool {
+    info.atomics_64 && info.kernel_buffers as usize >= Kernel::WorstTail.info().bindings.len()
+}
+
 /// Kernels that a run may take beside those of its first rounds: of larger rounds, if there are any, and of new tops.
 pub(crate) fn later_kernels(info: &DeviceInfo, internal: u32, settings: &WorstFirst) -> Vec<Kernel> {
     const LARGE: [Kernel; 5] =
@@ -60,7 +65,7 @@ pub(crate) fn later_kernels(info: &DeviceInfo, internal: u32, settings: &WorstFi
     }
     if !settings.tops(internal).is_empty() {
         kernels.extend(TOPS.into_iter().chain(sort_kernels(info)));
-        kernels.extend(info.atomics_64.then_some(Kernel::WorstTail));
+        kernels.extend(ends_alone(info).then_some(Kernel::WorstTail));
     }
     kernels
 }
@@ -72,6 +77,8 @@ pub(super) struct Lists {
     small: u32,
     /// Whether a single workgroup may unfold the tree.
     unfolds_alone: bool,
+    /// Whether one may end a small round.
+    ends_alone: bool,
     keys: Buffer,
     pool: Buffer,
     fringe: Buffer,
@@ -100,10 +107,12 @@ impl Lists {
     pub(super) fn new(device: &mut dyn Device, scratch: &mut Scratch, internal: u32) -> Result<Self, DeviceError> {
         let places = internal.max(1) as usize;
         let (small, unfolds_alone) = alone(device.info(), internal);
+        let ends_alone = ends_alone(device.info());
         let mut buffer = |label, length| scratch.allocate(device, label, length, 4);
         Ok(Self {
             small,
             unfolds_alone,
+            ends_alone,
             keys: buffer("keys", places)?,
             pool: buffer("pool", 2 * places)?,
             fringe: buffer("fringe", 2 * places)?,
@@ -200,7 +209,10 @@ impl Lists {
         let buffers = [nodes, list, found, keys, books, report];
         recording.dispatch_counted("search", Kernel::DualSearch, dual.count, &dual, &buffers, books, OVER_LIST);
         let lock_rounds = trial.lock_rounds.max(1);
-        if is_small && let Some(locks) = moves.word_locks() {
+        if is_small
+            && self.ends_alone
+            && let Some(locks) = moves.word_locks()
+        {
             let params = RoundParams { count: 1, page: lock_rounds, ..*params };
             let buffers = [found, nodes, locks, &moves.kept, ways, keys, fringe, pool, books, report];
             recording.dispatch("reinsert", Kernel::WorstTail, 1, &params, &buffers);

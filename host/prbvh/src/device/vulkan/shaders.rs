@@ -69,7 +69,7 @@ mod tests {
     #[test]
     fn only_locks_of_one_word_need_64_bits() {
         for &kernel in Kernel::ALL {
-            let is_wide = matches!(kernel, Kernel::PrbvhLock | Kernel::PrbvhCheck);
+            let is_wide = matches!(kernel, Kernel::PrbvhLock | Kernel::PrbvhCheck | Kernel::WorstTail);
             assert_eq!(needs_atomics_64(kernel), is_wide, "{kernel:?}");
         }
         assert!(!is_of_wide_words(&[0x0723_0203, 0x0001_0500, 0, 1, 0, 0x0002_0011, 1]), "a module with Shader alone");
