@@ -93,13 +93,14 @@ fn sums_fault(report: &[u32], before: &NaiveTree, after: &NaiveTree, scale: f32)
         return Some(format!("{} of {} marked nodes were refitted", report[REFITTED], report[MARKED]));
     }
     let internal = before.boxes.len() / 2;
-    let changes = (0..internal).map(|v| half_area(&before.boxes[v]) - half_area(&after.boxes[v]));
-    let (lost, changed) = changes.fold((0.0, 0.0), |(lost, changed), change| (lost + change, changed + change.abs()));
+    let areas = (0..internal).map(|v| [before, after].map(|tree| half_area(&tree.boxes[v])));
+    let changed = areas.filter(|[before, after]| before != after);
+    let (lost, rounded) =
+        changed.fold((0.0, 0.0), |(lost, all), [before, after]| (lost + before - after, all + before + after));
     let sum = |word| to_f64(report[word], report[word + 1], scale);
     let summed = sum(SHRUNK) - sum(GREW);
     // Areas in f32, and each term is cut to a whole number of units.
-    let areas: f64 = before.boxes[..internal].iter().chain(&after.boxes[..internal]).map(half_area).sum();
-    let allowed = f64::from(report[REFITTED]) / f64::from(scale) + 3e-7 * areas.min(changed * 1e3);
+    let allowed = f64::from(report[REFITTED]) / f64::from(scale) + 3e-7 * rounded;
     ((lost - summed).abs() > allowed).then(|| format!("areas lost {lost}, not {summed}"))
 }
 

@@ -156,7 +156,7 @@ fn trees(device: &mut Noting) -> BTreeMap<String, String> {
         hashes.insert("a large one, from clusters, large rounds".to_owned(), tree_hash(&made.tree));
     }
     if !cfg!(miri) {
-        let scene = prbvh::scene::built_in(2200);
+        let scene = prbvh::scene::built_in(3000);
         let made = optimize(&scene, device, &Settings::default(), &mut |_| ControlFlow::Continue(())).unwrap();
         hashes.insert("large enough for new tops".to_owned(), tree_hash(&made.tree));
     }
