@@ -67,7 +67,7 @@ pub(in crate::prbvh) fn count_in(
     }
 }
 
-/// The first invocations take a chunk of the pool each ([`select_chunk`]), if [`SELECTS`] is set; those behind them [unfold] a node of the fringe each: what
+/// The first invocations take a chunk of the pool each (`select_chunk`), if [`SELECTS`] is set; those behind them [unfold] a node of the fringe each: what
 /// comes into the pool there comes to its other side, and neither looks at keys that the other writes.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "a parameter for each buffer")]
