@@ -3,6 +3,7 @@
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::node::{NO_NODE, Node, RIGHT};
 use prbvh_kernel::setup::Triangle;
+use std::collections::BTreeSet;
 
 /// A binary tree as lists of children, for tests that change it step by step.
 #[derive(Clone, Debug, PartialEq)]
@@ -103,6 +104,23 @@ impl NaiveTree {
     #[must_use]
     pub fn internal_area(&self) -> f64 {
         (0..self.children.len()).filter(|&v| !self.children[v].is_empty()).map(|v| half_area(&self.boxes[v])).sum()
+    }
+
+    /// The references below each internal node, in their order: what a tree is but for the numbers of its nodes.
+    #[must_use]
+    pub fn clades(&self) -> BTreeSet<Vec<u32>> {
+        let mut all = BTreeSet::new();
+        self.clade(0, &mut all);
+        all
+    }
+
+    fn clade(&self, v: usize, all: &mut BTreeSet<Vec<u32>>) -> Vec<u32> {
+        let [left, right] = self.children[v][..] else { return vec![self.references[v]] };
+        let mut references = self.clade(left as usize, all);
+        references.extend(self.clade(right as usize, all));
+        references.sort_unstable();
+        all.insert(references.clone());
+        references
     }
 
     /// Moves the subtree of `input` beside `output` (boxes stale), following the text of the paper, §4.2.
@@ -222,8 +240,8 @@ pub fn row_comb(n: u32) -> NaiveTree {
 /// The radix tree of sorted codes, by definition: split where the highest differing bit changes; equal codes are told apart by
 /// position.
 #[must_use]
-pub fn radix_tree_leaf_sets(codes: &[u64]) -> std::collections::BTreeSet<(usize, usize)> {
-    fn split(codes: &[u128], first: usize, last: usize, sets: &mut std::collections::BTreeSet<(usize, usize)>) {
+pub fn radix_tree_leaf_sets(codes: &[u64]) -> BTreeSet<(usize, usize)> {
+    fn split(codes: &[u128], first: usize, last: usize, sets: &mut BTreeSet<(usize, usize)>) {
         sets.insert((first, last));
         if first < last {
             let top = 127 - (codes[first] ^ codes[last]).leading_zeros();
@@ -233,7 +251,7 @@ pub fn radix_tree_leaf_sets(codes: &[u64]) -> std::collections::BTreeSet<(usize,
         }
     }
     let keys: Vec<u128> = codes.iter().enumerate().map(|(k, &code)| u128::from(code) << 32 | k as u128).collect();
-    let mut sets = std::collections::BTreeSet::new();
+    let mut sets = BTreeSet::new();
     split(&keys, 0, codes.len() - 1, &mut sets);
     sets
 }

@@ -71,21 +71,6 @@ fn no_tree_is_better_than_the_best_of_all_and_most_are_near_it() {
     }
 }
 
-/// The references below each internal node.
-fn clades(tree: &NaiveTree) -> BTreeSet<Vec<u32>> {
-    fn below(tree: &NaiveTree, v: u32, all: &mut BTreeSet<Vec<u32>>) -> Vec<u32> {
-        let [left, right] = tree.children[v as usize][..] else { return vec![tree.references[v as usize]] };
-        let mut references = below(tree, left, all);
-        references.extend(below(tree, right, all));
-        references.sort_unstable();
-        all.insert(references.clone());
-        references
-    }
-    let mut all = BTreeSet::new();
-    below(tree, 0, &mut all);
-    all
-}
-
 /// Exact agglomeration with every pair looked at each time.
 fn naive_agglomeration(boxes: &[Aabb]) -> BTreeSet<Vec<u32>> {
     let mut clusters: Vec<(Aabb, Vec<u32>)> = (0..).zip(boxes).map(|(k, &aabb)| (aabb, vec![k])).collect();
@@ -107,11 +92,11 @@ fn naive_agglomeration(boxes: &[Aabb]) -> BTreeSet<Vec<u32>> {
 fn the_exact_agglomeration_is_the_naive_one() {
     for seed in 0..6 {
         let triangles = working(&soup(90, 0.1, seed));
-        let tree = clades(&NaiveTree::decode(&built("agglomerative", &triangles)));
+        let tree = NaiveTree::decode(&built("agglomerative", &triangles)).clades();
         assert!(tree == naive_agglomeration(&boxes_of(&triangles)), "seed {seed}");
         // A list that holds all references is no approximation.
-        assert!(tree == clades(&NaiveTree::decode(&built("aac:delta=91,epsilon=0", &triangles))));
-        assert!(tree != clades(&NaiveTree::decode(&built("aac:fast", &triangles))));
+        assert!(tree == NaiveTree::decode(&built("aac:delta=91,epsilon=0", &triangles)).clades());
+        assert!(tree != NaiveTree::decode(&built("aac:fast", &triangles)).clades());
     }
 }
 
@@ -206,7 +191,7 @@ fn greedy_insertion_is_the_naive_one() {
         let mut expected = BTreeSet::new();
         grown.clades(&mut expected);
         let of_seed =
-            |seed| clades(&NaiveTree::decode(&built(&format!("insertion:most_steps=0,seed={seed}"), &triangles)));
+            |seed| NaiveTree::decode(&built(&format!("insertion:most_steps=0,seed={seed}"), &triangles)).clades();
         assert!(of_seed(seed + 40) == expected, "seed {seed}");
         assert!(of_seed(seed + 41) != expected, "the order is a matter of the seed");
     }

@@ -217,20 +217,6 @@ impl Naive {
     }
 }
 
-fn clades(tree: &NaiveTree) -> BTreeSet<Vec<u32>> {
-    fn below(tree: &NaiveTree, v: u32, all: &mut BTreeSet<Vec<u32>>) -> Vec<u32> {
-        let [left, right] = tree.children[v as usize][..] else { return vec![tree.references[v as usize]] };
-        let mut references = below(tree, left, all);
-        references.extend(below(tree, right, all));
-        references.sort_unstable();
-        all.insert(references.clone());
-        references
-    }
-    let mut all = BTreeSet::new();
-    below(tree, 0, &mut all);
-    all
-}
-
 #[test]
 fn trees_are_those_of_a_naive_one() {
     for (n, k, p, i) in
@@ -238,7 +224,7 @@ fn trees_are_those_of_a_naive_one() {
     {
         let triangles = working(&soup(n, 0.1, u64::from(k)));
         let settings = settings(k, p, i);
-        let tree = clades(&NaiveTree::decode(&everywhere(&triangles, &settings, "soup")));
+        let tree = NaiveTree::decode(&everywhere(&triangles, &settings, "soup")).clades();
         let expected = Naive::of(&triangles, settings);
         assert_eq!(expected.len(), n - 1);
         let alike = tree.intersection(&expected).count();
