@@ -17,7 +17,7 @@
 //! *Numbers.* A merge takes its node from those that the radix tree has in the range, where the paper counts with an atomic: the tree is the same
 //! array on every device. Of `c` clusters in a range `c - 1` nodes are not yet taken, and the root of the range is the last to be.
 
-use crate::aabb::Aabb;
+use crate::forest::Forest;
 use crate::math::umin;
 use crate::mem::{AtomicU32, Slot};
 use crate::node::{AtomicNode, Links, NO_NODE, Node, RIGHT, ROOT};
@@ -92,7 +92,7 @@ pub fn stage(
         list.take(right, false, nodes, clusters, spare, sizes);
         let most = if p == ROOT { 1 } else { KEPT };
         for _ in 0..SLOTS {
-            if list.count <= most {
+            if list.forest.count <= most {
                 break;
             }
             list.find_nearest(params.radius);
@@ -116,9 +116,7 @@ fn first(v: u32, is_left: bool, count: u32) -> u32 {
 
 /// The clusters of a range in their order, in memory of the invocation's own.
 struct List {
-    count: u32,
-    nodes: [u32; SLOTS],
-    boxes: [f32; 6 * SLOTS],
+    forest: Forest<SLOTS>,
     /// Place of the nearest, and how far it is.
     nearest: [u32; SLOTS],
     distances: [u32; SLOTS],
@@ -130,36 +128,7 @@ struct List {
 impl List {
     #[inline(always)]
     fn new() -> Self {
-        Self {
-            count: 0,
-            nodes: [0; SLOTS],
-            boxes: [0.0; 6 * SLOTS],
-            nearest: [0; SLOTS],
-            distances: [0; SLOTS],
-            spares: 0,
-            spare: [0; SLOTS],
-        }
-    }
-
-    #[inline(always)]
-    fn aabb(&self, k: u32) -> Aabb {
-        let k = 6 * k as usize;
-        Aabb {
-            min: [self.boxes[k], self.boxes[k + 1], self.boxes[k + 2]],
-            max: [self.boxes[k + 3], self.boxes[k + 4], self.boxes[k + 5]],
-        }
-    }
-
-    #[inline(always)]
-    fn put(&mut self, k: u32, node: u32, aabb: Aabb) {
-        self.nodes[k as usize] = node;
-        let k = 6 * k as usize;
-        self.boxes[k] = aabb.min[0];
-        self.boxes[k + 1] = aabb.min[1];
-        self.boxes[k + 2] = aabb.min[2];
-        self.boxes[k + 3] = aabb.max[0];
-        self.boxes[k + 4] = aabb.max[1];
-        self.boxes[k + 5] = aabb.max[2];
+        Self { forest: Forest::new(), nearest: [0; SLOTS], distances: [0; SLOTS], spares: 0, spare: [0; SLOTS] }
     }
 
     /// Adds the clusters of a node of the radix tree, and its nodes not yet taken.
@@ -174,8 +143,7 @@ impl List {
         sizes: &[AtomicU32],
     ) {
         if v >= sizes.len() as u32 {
-            self.put(self.count, v, nodes[v as usize].aabb());
-            self.count += 1;
+            self.forest.push(v, nodes[v as usize].aabb());
             return;
         }
         let count = umin(sizes[v as usize].load(), KEPT);
@@ -183,8 +151,7 @@ impl List {
         for k in 0..count {
             let at = (first + k) as usize;
             let node = clusters[at].load();
-            self.put(self.count, node, nodes[node as usize].aabb());
-            self.count += 1;
+            self.forest.push(node, nodes[node as usize].aabb());
             if k > 0 {
                 self.spare[self.spares as usize] = spare[at].load();
                 self.spares += 1;
@@ -195,11 +162,11 @@ impl List {
     /// Leaves the clusters to the parent of node `p`, with the nodes not yet taken.
     #[inline(always)]
     fn leave(&self, p: u32, is_left: bool, clusters: &[AtomicU32], spare: &[AtomicU32], sizes: &[AtomicU32]) {
-        sizes[p as usize].store(self.count);
-        let first = first(p, is_left, self.count);
-        for k in 0..self.count {
+        sizes[p as usize].store(self.forest.count);
+        let first = first(p, is_left, self.forest.count);
+        for k in 0..self.forest.count {
             let at = (first + k) as usize;
-            clusters[at].store(self.nodes[k as usize]);
+            clusters[at].store(self.forest.node(k));
             if k > 0 {
                 spare[at].store(self.spare[(k - 1) as usize]);
             }
@@ -209,15 +176,15 @@ impl List {
     /// Finds the nearest neighbour of every cluster: the smallest (distance, `i ^ j`).
     #[inline(always)]
     fn find_nearest(&mut self, radius: u32) {
-        for i in 0..self.count {
+        for i in 0..self.forest.count {
             self.nearest[i as usize] = i;
             self.distances[i as usize] = u32::MAX;
         }
-        for i in 0..self.count {
-            let own = self.aabb(i);
-            let last = umin(self.count - 1, i + umin(radius, SLOTS as u32));
+        for i in 0..self.forest.count {
+            let own = self.forest.aabb(i);
+            let last = umin(self.forest.count - 1, i + umin(radius, SLOTS as u32));
             for j in i + 1..last + 1 {
-                let distance = distance(own, self.aabb(j));
+                let distance = distance(own, self.forest.aabb(j));
                 self.offer(i, j, distance);
                 self.offer(j, i, distance);
             }
@@ -237,17 +204,17 @@ impl List {
     #[inline(always)]
     fn merge(&mut self, nodes: &[AtomicNode]) {
         let mut kept = 0;
-        for i in 0..self.count {
+        for i in 0..self.forest.count {
             let j = self.nearest[i as usize];
             let is_pair = i != j && self.nearest[j as usize] == i;
             if !is_pair {
-                self.put(kept, self.nodes[i as usize], self.aabb(i));
+                self.forest.put(kept, self.forest.node(i), self.forest.aabb(i));
                 kept += 1;
             } else if i < j {
                 self.spares -= 1;
                 let v = self.spare[self.spares as usize];
-                let aabb = self.aabb(i).union(self.aabb(j));
-                let (left, right) = (self.nodes[i as usize], self.nodes[j as usize]);
+                let aabb = self.forest.aabb(i).union(self.forest.aabb(j));
+                let (left, right) = (self.forest.node(i), self.forest.node(j));
                 let node = &nodes[v as usize];
                 node.set_aabb(aabb);
                 node.set_down(left);
@@ -256,10 +223,10 @@ impl List {
                 if v == ROOT {
                     node.set_up(NO_NODE);
                 }
-                self.put(kept, v, aabb);
+                self.forest.put(kept, v, aabb);
                 kept += 1;
             }
         }
-        self.count = kept;
+        self.forest.count = kept;
     }
 }

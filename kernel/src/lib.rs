@@ -40,6 +40,7 @@ pub mod collapse;
 pub mod cost;
 pub mod entries;
 mod entry;
+mod forest;
 pub mod grid;
 pub mod hploc;
 pub mod kept;

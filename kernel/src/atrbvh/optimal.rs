@@ -8,8 +8,9 @@
 //! published code: an invocation does a treelet alone where a warp did, and a treelet is only replaced where the sums differ by more than
 //! their rounding.
 
-use super::treelet::{RELATIVE_THRESHOLD, RestructureParams, Slots, link, open};
+use super::treelet::{RELATIVE_THRESHOLD, RestructureParams, link, open};
 use crate::aabb::Aabb;
+use crate::forest::Forest;
 use crate::mem::AtomicU32;
 use crate::node::AtomicNode;
 use crate::status::{self, APPLIED, FAULT_TREELET};
@@ -27,58 +28,16 @@ const MOST_ROUNDS: u32 = 3u32.pow(OPTIMAL_TREELET) + (2 + OPTIMAL_TREELET) * SET
 // lavapipe leaves a loop after 65,535 rounds in all, without a word.
 const _: () = assert!(MOST_ROUNDS < 65_535);
 
-/// The leaves of the treelet.
-struct Leaves {
-    count: u32,
-    nodes: [u32; SLOTS],
-    boxes: [f32; 6 * SLOTS],
-}
-
-impl Leaves {
-    #[inline(always)]
-    fn new() -> Self {
-        Self { count: 0, nodes: [0; SLOTS], boxes: [0.0; 6 * SLOTS] }
-    }
-
-    /// Half area of the box around the leaves in `set`.
-    #[inline(always)]
-    fn area(&self, set: u32) -> f32 {
-        let mut aabb = Aabb::EMPTY;
-        for slot in 0..self.count {
-            if (set >> slot) & 1 == 1 {
-                let k = 6 * slot as usize;
-                aabb = aabb.union(Aabb {
-                    min: [self.boxes[k], self.boxes[k + 1], self.boxes[k + 2]],
-                    max: [self.boxes[k + 3], self.boxes[k + 4], self.boxes[k + 5]],
-                });
-            }
+/// Half area of the box around the leaves in `set`.
+#[inline(always)]
+fn area(leaves: &Forest<SLOTS>, set: u32) -> f32 {
+    let mut aabb = Aabb::EMPTY;
+    for slot in 0..leaves.count {
+        if (set >> slot) & 1 == 1 {
+            aabb = aabb.union(leaves.aabb(slot));
         }
-        aabb.half_area()
     }
-}
-
-impl Slots for Leaves {
-    #[inline(always)]
-    fn put(&mut self, slot: u32, node: u32, aabb: Aabb) {
-        self.nodes[slot as usize] = node;
-        let k = 6 * slot as usize;
-        self.boxes[k] = aabb.min[0];
-        self.boxes[k + 1] = aabb.min[1];
-        self.boxes[k + 2] = aabb.min[2];
-        self.boxes[k + 3] = aabb.max[0];
-        self.boxes[k + 4] = aabb.max[1];
-        self.boxes[k + 5] = aabb.max[2];
-    }
-
-    #[inline(always)]
-    fn node(&self, slot: u32) -> u32 {
-        self.nodes[slot as usize]
-    }
-
-    #[inline(always)]
-    fn set_count(&mut self, count: u32) {
-        self.count = count;
-    }
+    aabb.half_area()
 }
 
 /// Invocation `i` processes the treelet below the internal node `order[first + i]`, of at most [`OPTIMAL_TREELET`] leaves. Reads and writes
@@ -92,7 +51,7 @@ pub fn restructure_optimally(
     report: &[AtomicU32],
 ) {
     let root = order[(params.first + i) as usize];
-    let mut leaves = Leaves::new();
+    let mut leaves = Forest::new();
     let mut opened = [0u32; SLOTS];
     let old_area = open(root, params, nodes, &mut leaves, &mut opened);
     let count = leaves.count;
@@ -120,7 +79,7 @@ pub fn restructure_optimally(
                 half = (half - 1) & rest;
             }
             // The root is there before and after.
-            let own = if set == all { 0.0 } else { leaves.area(set) };
+            let own = if set == all { 0.0 } else { area(&leaves, set) };
             costs[set as usize] = own + best;
             halves[set as usize] = best_half;
         }

@@ -9,7 +9,7 @@
 
 use super::MAX_TREELET;
 use super::clusters::Clusters;
-use super::treelet::{RELATIVE_THRESHOLD, RestructureParams, Slots, link, open};
+use super::treelet::{RELATIVE_THRESHOLD, RestructureParams, link, open};
 use crate::mem::AtomicU32;
 use crate::node::AtomicNode;
 use crate::status::{self, APPLIED, FAULT_TREELET};
@@ -29,8 +29,8 @@ pub fn restructure(i: u32, params: &RestructureParams, order: &[u32], nodes: &[A
     let root = order[(params.first + i) as usize];
     let mut clusters = Clusters::new();
     let mut opened = [0u32; SLOTS];
-    let old_area = open(root, params, nodes, &mut clusters, &mut opened);
-    let leaves = clusters.count;
+    let old_area = open(root, params, nodes, &mut clusters.forest, &mut opened);
+    let leaves = clusters.forest.count;
 
     // Join `k` makes `made[k]` out of `left[k]` and `right[k]`; the last one makes the root.
     let mut made = [0u32; SLOTS];
@@ -44,8 +44,8 @@ pub fn restructure(i: u32, params: &RestructureParams, order: &[u32], nodes: &[A
         // Nodes that were near the root are near it again.
         let node = if last { root } else { opened[(leaves - 3 - k) as usize] };
         made[k as usize] = node;
-        left[k as usize] = clusters.node(pair.low);
-        right[k as usize] = clusters.node(pair.high);
+        left[k as usize] = clusters.forest.node(pair.low);
+        right[k as usize] = clusters.forest.node(pair.high);
         if !last {
             new_area += pair.area;
         }

@@ -2,7 +2,7 @@
 //!
 //! Source: Karras & Aila 2013 (formation of treelets), which ATRBVH takes over.
 
-use crate::aabb::Aabb;
+use crate::forest::Forest;
 use crate::node::{AtomicNode, Links, RIGHT};
 use bytemuck::{Pod, Zeroable};
 
@@ -23,24 +23,14 @@ pub struct RestructureParams {
     pub internal: u32,
 }
 
-/// Where the leaves of a treelet are put.
-pub(super) trait Slots {
-    /// Puts a leaf into `slot`.
-    fn put(&mut self, slot: u32, node: u32, aabb: Aabb);
-    /// Node of the leaf in `slot`.
-    fn node(&self, slot: u32) -> u32;
-    /// How many slots are in use, from 0 on.
-    fn set_count(&mut self, count: u32);
-}
-
 /// Finds the leaves of the treelet below `root`: its children, of which the one with the largest area is replaced by its children, again and
 /// again; the first of equals. Returns the sum of the half areas of the nodes that it opened, which it lists in `opened`, the root left out.
 #[inline(always)]
-pub(super) fn open<const N: usize, S: Slots>(
+pub(super) fn open<const N: usize>(
     root: u32,
     params: &RestructureParams,
     nodes: &[AtomicNode],
-    leaves: &mut S,
+    leaves: &mut Forest<N>,
     opened: &mut [u32; N],
 ) -> f32 {
     // Negative where there is nothing to open.
@@ -71,13 +61,13 @@ pub(super) fn open<const N: usize, S: Slots>(
         areas[step as usize] = put(step, second, params.internal, nodes, leaves);
         count = step + 1;
     }
-    leaves.set_count(count);
+    leaves.count = count;
     sum
 }
 
 /// Puts node `v` into `slot`. Returns its half area, at least 0, or -1 if it is a leaf of the tree.
 #[inline(always)]
-fn put<S: Slots>(slot: u32, v: u32, internal: u32, nodes: &[AtomicNode], leaves: &mut S) -> f32 {
+fn put<const N: usize>(slot: u32, v: u32, internal: u32, nodes: &[AtomicNode], leaves: &mut Forest<N>) -> f32 {
     let aabb = nodes[v as usize].aabb();
     leaves.put(slot, v, aabb);
     let area = aabb.half_area();
