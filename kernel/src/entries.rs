@@ -45,7 +45,7 @@ use crate::trace::path::{
     self, CameraParams, FilmParams, GatherParams as LightParams, Light, Path, Pixel, ShadeParams, Surface,
 };
 use crate::trace::stack::LocalStack;
-use crate::trace::wide::{Bvh4Node, Bvh8Node, CwbvhNode, LOCAL_WORDS};
+use crate::trace::wide::{Bvh4Node, Bvh8Node, CwbvhNode, trace_wide};
 use crate::trace::{self as tracing, TraceNode, TraceParams, TraceTriangle, trace};
 #[cfg(target_arch = "spirv")]
 use spirv_std::{glam::UVec3, spirv};
@@ -340,7 +340,7 @@ kernels! {
     TraceBvh4 trace_bvh4(params: TraceParams) [
         0 nodes: &[Bvh4Node],
         1 triangles: &[TraceTriangle], 2 rays: &[Ray], 3 hits: &[Slot<Hit>],
-    ] => |i| trace(i, params, nodes, triangles, rays, hits, &mut LocalStack::<LOCAL_WORDS>::new());
+    ] => |i| trace_wide(i, params, nodes, triangles, rays, hits);
 
     TraceBvh4Deep trace_bvh4_deep(params: TraceParams) [
         0 nodes: &[Bvh4Node],
@@ -350,7 +350,7 @@ kernels! {
     TraceBvh8 trace_bvh8(params: TraceParams) [
         0 nodes: &[Bvh8Node],
         1 triangles: &[TraceTriangle], 2 rays: &[Ray], 3 hits: &[Slot<Hit>],
-    ] => |i| trace(i, params, nodes, triangles, rays, hits, &mut LocalStack::<LOCAL_WORDS>::new());
+    ] => |i| trace_wide(i, params, nodes, triangles, rays, hits);
 
     TraceBvh8Deep trace_bvh8_deep(params: TraceParams) [
         0 nodes: &[Bvh8Node],
@@ -360,7 +360,7 @@ kernels! {
     TraceCwbvh trace_cwbvh(params: TraceParams) [
         0 nodes: &[CwbvhNode],
         1 triangles: &[TraceTriangle], 2 rays: &[Ray], 3 hits: &[Slot<Hit>],
-    ] => |i| trace(i, params, nodes, triangles, rays, hits, &mut LocalStack::<LOCAL_WORDS>::new());
+    ] => |i| trace_wide(i, params, nodes, triangles, rays, hits);
 
     TraceCwbvhDeep trace_cwbvh_deep(params: TraceParams) [
         0 nodes: &[CwbvhNode],

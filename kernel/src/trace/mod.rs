@@ -82,8 +82,13 @@ impl TraceTriangle {
         if prepared.misses(bytemuck::cast_ref(self)) {
             return f32::INFINITY;
         }
+        prepared.hits(self.corners(), t_max)
+    }
+
+    #[inline(always)]
+    fn corners(&self) -> [[f32; 3]; 3] {
         let Self { x, y, z, .. } = *self;
-        prepared.hits([[x[0], y[0], z[0]], [x[1], y[1], z[1]], [x[2], y[2], z[2]]], t_max)
+        [[x[0], y[0], z[0]], [x[1], y[1], z[1]], [x[2], y[2], z[2]]]
     }
 }
 

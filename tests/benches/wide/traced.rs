@@ -3,11 +3,12 @@
 use super::kinds::{self, Kind};
 use super::peer::{self, Peer};
 use super::tree;
+use prbvh::bvh::{Bvh, SahModel};
 use prbvh::collapse::CollapseSettings;
 use prbvh::device::cpu::CpuDevice;
 use prbvh::interop::obvhs::to_cwbvh;
 use prbvh::pipeline::Settings;
-use prbvh::presplit::PresplitSettings;
+use prbvh::presplit::{PresplitForm, PresplitSettings};
 use prbvh::scene::Scene;
 use prbvh::trace::{Hit, NO_TRIANGLE, Query, TraceScene, trace};
 use prbvh::wide::{Layout, PackedTree, WideSettings, Width, collapse};
@@ -102,9 +103,9 @@ impl Subject {
 }
 
 fn rows(scene: &Scene, count: usize, repetitions: usize) -> Vec<(String, Speeds)> {
-    let with = |budget: Option<f64>, is_adaptive: bool| {
+    let with = |presplit: Option<PresplitSettings>, is_adaptive: bool| {
         let settings = Settings::default().with(|s| {
-            s.presplit = budget.map(|budget| PresplitSettings::default().with(|s| s.budget = budget));
+            s.presplit = presplit;
             s.adaptive = is_adaptive.then(CollapseSettings::default);
         });
         tree(scene, &settings)
@@ -112,33 +113,42 @@ fn rows(scene: &Scene, count: usize, repetitions: usize) -> Vec<(String, Speeds)
     let binary = with(None, true);
     let kinds = kinds::of_paths(scene, TracedTree::Binary(&binary), count);
     let starts: Vec<[f32; 3]> = kinds.iter().flat_map(|kind| kind.rays.iter().map(|ray| ray.origin)).collect();
-    let mut subjects = Vec::new();
-    for (budget, splits) in [(None, ""), (Some(BUDGET), " + presplit")] {
-        let adaptive = if budget.is_none() { binary.clone() } else { with(budget, true) };
-        subjects.push((format!("binary{splits}"), Subject::ours(TracedTree::Binary(&adaptive), scene, &starts)));
-        let single = with(budget, false);
-        for (name, width, layout) in [
-            ("bvh4", Width::Four, Layout::Soa),
-            ("bvh8", Width::Eight, Layout::Soa),
-            ("cwbvh", Width::Eight, Layout::Cwbvh),
-        ] {
-            let settings = WideSettings::default().with(|s| {
-                s.width = width;
-                s.layout = layout;
-            });
-            let wide = collapse(&single, &settings).expect("the settings are good");
-            let packed = PackedTree::new(&wide, layout).expect("leaves were made for the layout");
-            subjects.push((format!("{name}{splits}"), Subject::ours(TracedTree::Wide(&packed), scene, &starts)));
-            if layout == Layout::Cwbvh {
-                let theirs = Peer::compressed(scene, to_cwbvh(&wide).expect("leaves were made for the layout"));
-                subjects.push((format!("{name}{splits}, by obvhs"), Subject::Theirs(theirs)));
-            }
-        }
+    let mut subjects = vec![("binary".to_owned(), Subject::ours(TracedTree::Binary(&binary), scene, &starts))];
+    wide_ones(scene, &with(None, false), "", &starts, &mut subjects);
+    for (form, splits) in [(PresplitForm::Level, " + presplit"), (PresplitForm::Sbvh, " + presplit by sbvh")] {
+        let presplit = PresplitSettings::default().with(|s| (s.budget, s.form) = (BUDGET, form));
+        let binary = with(Some(presplit), true);
+        let subject = Subject::ours(TracedTree::Binary(&binary), scene, &starts);
+        subjects.push((format!("binary{splits}"), subject));
+        wide_ones(scene, &with(Some(presplit), false), splits, &starts, &mut subjects);
     }
     for (name, peer) in ["obvhs, Bvh2", "obvhs, CwBvh"].into_iter().zip(peer::built(scene)) {
         subjects.push((name.to_owned(), Subject::Theirs(peer)));
     }
     speeds(scene, subjects, &kinds, repetitions)
+}
+
+/// Wide trees of a tree of one triangle per leaf, and the compressed one as obvhs walks it.
+fn wide_ones(scene: &Scene, single: &Bvh, splits: &str, starts: &[[f32; 3]], subjects: &mut Vec<(String, Subject)>) {
+    for (name, width, layout, c_intersect) in [
+        ("bvh4", Width::Four, Layout::Soa, None),
+        ("bvh8", Width::Eight, Layout::Soa, None),
+        ("bvh8, c_I = 1", Width::Eight, Layout::Soa, Some(1.0)),
+        ("cwbvh", Width::Eight, Layout::Cwbvh, None),
+    ] {
+        let settings = WideSettings::default().with(|s| {
+            s.width = width;
+            s.layout = layout;
+            s.sah = c_intersect.map(|c_intersect| SahModel { c_intersect, ..width.sah() });
+        });
+        let wide = collapse(single, &settings).expect("the settings are good");
+        let packed = PackedTree::new(&wide, layout).expect("leaves were made for the layout");
+        subjects.push((format!("{name}{splits}"), Subject::ours(TracedTree::Wide(&packed), scene, starts)));
+        if layout == Layout::Cwbvh {
+            let theirs = Peer::compressed(scene, to_cwbvh(&wide).expect("leaves were made for the layout"));
+            subjects.push((format!("{name}{splits}, by obvhs"), Subject::Theirs(theirs)));
+        }
+    }
 }
 
 /// Medians over rounds in which everyone has a turn.

@@ -6,7 +6,11 @@ use crate::ray::{Prepared, Steps};
 use crate::trace::LEAF;
 use bytemuck::{Pod, Zeroable};
 #[cfg(not(target_arch = "spirv"))]
-use wide::{f32x8, i32x8, u8x16, u16x8};
+use {
+    super::native::{Group, NodesAtOnce},
+    fearless_simd::prelude::*,
+    fearless_simd::{f32x8, i32x8, u8x16},
+};
 
 /// A compressed node of eight children, 80 bytes. Bytes of slots come in words, the first slot in the lowest byte.
 ///
@@ -98,7 +102,6 @@ impl CwbvhNode {
     }
 
     /// A bit for each child that the ray enters, in the order of the octant.
-    #[cfg(target_arch = "spirv")]
     #[inline(always)]
     fn entered(&self, prepared: &Prepared, steps: &Steps, octant: u32, t_max: f32) -> u32 {
         // No loop over the slots: a driver may count its rounds with those of the walk ([`STEPS`](crate::trace::STEPS)).
@@ -106,18 +109,20 @@ impl CwbvhNode {
         bit(0) | bit(1) | bit(2) | bit(3) | bit(4) | bit(5) | bit(6) | bit(7)
     }
 
-    /// The same, all slots at once.
+    /// The children that the ray enters.
     #[cfg(not(target_arch = "spirv"))]
     #[inline(always)]
-    fn entered(&self, prepared: &Prepared, steps: &Steps, octant: u32, t_max: f32) -> u32 {
+    fn group<S: Simd>(&self, simd: S, prepared: &Prepared, t_max: f32) -> CwbvhGroup<S> {
+        let bytes = |words: [u32; 2]| u8x16::simd_from(simd, bytemuck::cast::<_, [u8; 16]>([words[0], words[1], 0, 0]));
+        let numbers = |words: [u32; 2]| -> f32x8<S> {
+            let (low, high) = bytes(words).widen().0.widen();
+            low.combine(high).bitcast::<i32x8<S>>().to_float()
+        };
         let min = [numbers(self.min_x), numbers(self.min_y), numbers(self.min_z)];
         let max = [numbers(self.max_x), numbers(self.max_y), numbers(self.max_z)];
-        let (_, entered) = prepared.enters_each_steps(steps, min, max, t_max);
-        let empty = bytes(self.meta).simd_eq(u8x16::ZERO).to_bitmask();
-        let swapped = |word: u32, by: u32, low: u32| {
-            if octant & by == 0 { word } else { ((word >> by) & low) | ((word & low) << by) }
-        };
-        swapped(swapped(swapped(entered & !empty, 4, 0x0f), 2, 0x33), 1, 0x55)
+        let (near, entered) = prepared.enters_each_steps(&self.steps(prepared), min, max, t_max);
+        let empty = bytes(self.meta).simd_eq(0).to_bitmask() as u32;
+        CwbvhGroup { near, left: entered & !empty }
     }
 
     /// Whether the ray enters the box of a slot that is not empty.
@@ -130,18 +135,54 @@ impl CwbvhNode {
     }
 }
 
-/// The bytes of two words, and zeros.
+/// The bit of each slot where that of `slot ^ octant` was.
 #[cfg(not(target_arch = "spirv"))]
 #[inline(always)]
-fn bytes(words: [u32; 2]) -> u8x16 {
-    bytemuck::cast([words[0], words[1], 0, 0])
+fn in_order(slots: u32, octant: u32) -> u32 {
+    let swapped = |word: u32, by: u32, low: u32| {
+        if octant & by == 0 { word } else { ((word >> by) & low) | ((word & low) << by) }
+    };
+    swapped(swapped(swapped(slots, 4, 0x0f), 2, 0x33), 1, 0x55)
 }
 
-/// The bytes of two words as numbers.
+/// Children that wait: a bit for each slot, and where the ray enters it.
 #[cfg(not(target_arch = "spirv"))]
-#[inline(always)]
-fn numbers(words: [u32; 2]) -> f32x8 {
-    i32x8::from_u16x8(u16x8::from_u8x16_low(bytes(words))).round_float()
+#[derive(Clone, Copy, Debug)]
+pub struct CwbvhGroup<S: Simd> {
+    near: f32x8<S>,
+    left: u32,
+}
+
+#[cfg(not(target_arch = "spirv"))]
+impl<S: Simd> Group for CwbvhGroup<S> {
+    #[inline(always)]
+    fn take(&mut self, octant: u32, t_max: f32) -> Option<u32> {
+        let left = self.left & self.near.simd_le(t_max).to_bitmask() as u32;
+        let slot = (in_order(left, octant).trailing_zeros() & 7) ^ octant;
+        self.left = left & !(1 << slot);
+        (left != 0).then_some(slot)
+    }
+
+    #[inline(always)]
+    fn is_empty(&self) -> bool {
+        self.left == 0
+    }
+}
+
+#[cfg(not(target_arch = "spirv"))]
+impl NodesAtOnce for [CwbvhNode] {
+    type Group<S: Simd> = CwbvhGroup<S>;
+
+    #[inline(always)]
+    fn group<S: Simd>(&self, simd: S, node: u32, prepared: &Prepared, t_max: f32) -> CwbvhGroup<S> {
+        self[node as usize].group(simd, prepared, t_max)
+    }
+
+    #[inline(always)]
+    fn triangles(&self, node: u32, slot: u32) -> u32 {
+        let bits = self[node as usize].meta_of(slot) >> 5;
+        (bits & 1) + ((bits >> 1) & 1) + (bits >> 2)
+    }
 }
 
 impl WideNodes for [CwbvhNode] {

@@ -11,16 +11,22 @@
 //! A box of any layout contains what it is around, so that hits are those of every other tree ([`crate::ray`]).
 
 mod cwbvh;
+#[cfg(not(target_arch = "spirv"))]
+mod native;
 mod soa;
 #[cfg(test)]
 mod tests;
 
 pub use cwbvh::CwbvhNode;
+#[cfg(not(target_arch = "spirv"))]
+pub use native::{NodesAtOnce, trace_wide};
 pub use soa::{Bvh4Node, Bvh8Node};
 
 use super::stack::Stack;
 use super::{DONE, LEAF, Nodes, STEPS, TraceParams, TraceTriangle, Walk};
 use crate::ray::{NO_TRIANGLE, Prepared, Ray, SOME_TRIANGLE};
+#[cfg(target_arch = "spirv")]
+use {super::stack::LocalStack, super::trace, crate::mem::Slot, crate::ray::Hit};
 
 /// A slot of a node without a child.
 pub const NO_CHILD: u32 = u32::MAX;
@@ -94,7 +100,7 @@ fn walk_wide<N: WideNodes + ?Sized, S: Stack>(
             node = walk.current;
             walk.hit.box_tests += N::WIDTH;
             entered = nodes.entered(node, &prepared, octant, walk.hit.t);
-            is_fresh = true;
+            is_fresh = entered != 0;
         } else {
             goes_on = walk.visit_triangle(params, &prepared, triangles);
             if walk.hit.triangle == SOME_TRIANGLE {
@@ -124,6 +130,20 @@ fn walk_wide<N: WideNodes + ?Sized, S: Stack>(
         walk.depth += ENTRY_WORDS;
     }
     walk
+}
+
+/// Invocation `i` traces ray `first + i` with a stack of its own.
+#[cfg(target_arch = "spirv")]
+#[inline(always)]
+pub fn trace_wide<N: Nodes + ?Sized>(
+    i: u32,
+    params: &TraceParams,
+    nodes: &N,
+    triangles: &[TraceTriangle],
+    rays: &[Ray],
+    hits: &[Slot<Hit>],
+) {
+    trace(i, params, nodes, triangles, rays, hits, &mut LocalStack::<LOCAL_WORDS>::new());
 }
 
 macro_rules! nodes {

@@ -4,28 +4,21 @@ use super::{NO_CHILD, WideNodes};
 use crate::aabb::Aabb;
 use crate::ray::Prepared;
 use bytemuck::{Pod, Zeroable};
+#[cfg(not(target_arch = "spirv"))]
+use {
+    super::native::{Group, NodesAtOnce},
+    fearless_simd::prelude::*,
+    fearless_simd::{f32x4, f32x8, mask32x4, mask32x8, u32x4, u32x8},
+};
 
 /// Key of a child that the ray does not enter.
-#[cfg(any(target_arch = "spirv", test))]
 const MISSED: u32 = u32::MAX;
 
 /// Set in the four bits that a child takes in a word.
 const TAKEN: u32 = 8;
 
-/// Four times the bits that are set in a byte.
-#[cfg(not(target_arch = "spirv"))]
-const ONES_TIMES_4: [u8; 256] = {
-    let mut ones = [0; 256];
-    let mut byte = 1;
-    while byte < 256 {
-        ones[byte] = ones[byte / 2] + 4 * (byte % 2) as u8;
-        byte += 1;
-    }
-    ones
-};
-
 macro_rules! soa_node {
-    ($(#[$doc:meta])* $name:ident, $width:literal, $lanes:ty, $words:ty, $signed:ty, $($k:literal)+) => {
+    ($(#[$doc:meta])* $name:ident, $group:ident, $width:literal, $lanes:ident, $words:ident, $mask:ident, $($k:literal)+) => {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
         #[repr(C)]
@@ -60,9 +53,8 @@ macro_rules! soa_node {
             }
 
             /// The children that the ray enters, as [`WideNodes::entered`] has them.
-            #[cfg(any(target_arch = "spirv", test))]
             #[inline(always)]
-            pub(super) fn entered_one_by_one(&self, prepared: &Prepared, t_max: f32) -> u32 {
+            fn entered(&self, prepared: &Prepared, t_max: f32) -> u32 {
                 // No loops over the slots: a driver may count their rounds with those of the walk ([`STEPS`](crate::trace::STEPS)).
                 let key = |k: usize| {
                     let near = prepared.enters(&self.aabb(k), t_max);
@@ -81,48 +73,72 @@ macro_rules! soa_node {
                 word
             }
 
-            /// The same, all slots at once.
+            /// The children that the ray enters.
             #[cfg(not(target_arch = "spirv"))]
             #[inline(always)]
-            pub(super) fn entered_at_once(&self, prepared: &Prepared, t_max: f32) -> u32 {
-                let row = |row: [f32; $width]| <$lanes>::new(row);
+            fn group<S: Simd>(&self, simd: S, prepared: &Prepared, t_max: f32) -> $group<S> {
+                let row = |row: [f32; $width]| $lanes::simd_from(simd, row);
                 let min = [row(self.min_x), row(self.min_y), row(self.min_z)];
                 let max = [row(self.max_x), row(self.max_y), row(self.max_z)];
                 let (near, entered) = prepared.enters_each(min, max, t_max);
-                let child = <$words>::new(self.child);
-                let mut left = entered & !child.simd_eq(<$words>::splat(NO_CHILD)).to_bitmask();
+                let empty = $words::simd_from(simd, self.child).simd_eq(NO_CHILD).to_bitmask() as u32;
+                $group { near, left: entered & !empty }
+            }
+        }
+
+        /// Children that wait: a bit for each, and where the ray enters them.
+        #[cfg(not(target_arch = "spirv"))]
+        #[derive(Clone, Copy, Debug)]
+        pub struct $group<S: Simd> {
+            near: $lanes<S>,
+            left: u32,
+        }
+
+        #[cfg(not(target_arch = "spirv"))]
+        impl<S: Simd> Group for $group<S> {
+            #[inline(always)]
+            fn take(&mut self, _octant: u32, t_max: f32) -> Option<u32> {
+                let left = self.left & self.near.simd_le(t_max).to_bitmask() as u32;
                 if left & left.wrapping_sub(1) == 0 {
-                    return if left == 0 { 0 } else { left.trailing_zeros() | TAKEN };
+                    self.left = 0;
+                    return (left != 0).then(|| left.trailing_zeros());
                 }
-                let entered = left;
-                let near: $words = bytemuck::cast(near);
-                let keys = (near & <$words>::splat(!7)) | <$words>::new([$($k),+]);
-                let each: [u32; $width] = keys.to_array();
-                let keys: $signed = bytemuck::cast(keys);
-                let mut word = 0;
-                while left != 0 {
-                    let k = left.trailing_zeros();
-                    left &= left - 1;
-                    let before = keys.simd_lt(<$signed>::splat(each[(k & ($width - 1)) as usize] as i32)).to_bitmask() & entered;
-                    word |= (k | TAKEN) << ONES_TIMES_4[before as usize];
-                }
-                word
+                // The bits of numbers that are not negative are in their order.
+                let simd = self.near.simd;
+                let keys = (self.near.to_bits() & !7) | $words::simd_from(simd, [$($k),+]);
+                let waits = $mask::from_bitmask(simd, left.into());
+                let slot = waits.select(keys, $words::splat(simd, u32::MAX)).reduce_min() & 7;
+                self.left = left & !(1 << slot);
+                Some(slot)
+            }
+
+            #[inline(always)]
+            fn is_empty(&self) -> bool {
+                self.left == 0
+            }
+        }
+
+        #[cfg(not(target_arch = "spirv"))]
+        impl NodesAtOnce for [$name] {
+            type Group<S: Simd> = $group<S>;
+
+            #[inline(always)]
+            fn group<S: Simd>(&self, simd: S, node: u32, prepared: &Prepared, t_max: f32) -> $group<S> {
+                self[node as usize].group(simd, prepared, t_max)
+            }
+
+            #[inline(always)]
+            fn triangles(&self, node: u32, slot: u32) -> u32 {
+                self[node as usize].count[slot as usize]
             }
         }
 
         impl WideNodes for [$name] {
             const WIDTH: u32 = $width;
 
-            #[cfg(target_arch = "spirv")]
             #[inline(always)]
             fn entered(&self, node: u32, prepared: &Prepared, _octant: u32, t_max: f32) -> u32 {
-                self[node as usize].entered_one_by_one(prepared, t_max)
-            }
-
-            #[cfg(not(target_arch = "spirv"))]
-            #[inline(always)]
-            fn entered(&self, node: u32, prepared: &Prepared, _octant: u32, t_max: f32) -> u32 {
-                self[node as usize].entered_at_once(prepared, t_max)
+                self[node as usize].entered(prepared, t_max)
             }
 
             #[inline(always)]
@@ -145,9 +161,9 @@ macro_rules! soa_node {
 
 soa_node!(
     /// A node of four children, 128 bytes: two cache lines.
-    Bvh4Node, 4, wide::f32x4, wide::u32x4, wide::i32x4, 0 1 2 3
+    Bvh4Node, Bvh4Group, 4, f32x4, u32x4, mask32x4, 0 1 2 3
 );
 soa_node!(
     /// A node of eight children, 256 bytes: four cache lines.
-    Bvh8Node, 8, wide::f32x8, wide::u32x8, wide::i32x8, 0 1 2 3 4 5 6 7
+    Bvh8Node, Bvh8Group, 8, f32x8, u32x8, mask32x8, 0 1 2 3 4 5 6 7
 );

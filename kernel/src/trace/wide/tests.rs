@@ -1,8 +1,12 @@
 //! What is computed side by side has the bits of what is computed one by one.
 
-use super::{Bvh4Node, Bvh8Node, CwbvhNode, NO_CHILD, WideNodes, octant};
-use crate::ray::{Prepared, Ray};
-use crate::trace::TraceTriangle;
+use super::native::{Group, NodesAtOnce, walk_on};
+use super::{Bvh4Node, Bvh8Node, CwbvhNode, LOCAL_WORDS, NO_CHILD, WideNodes, octant};
+use crate::ray::{Hit, Prepared, Ray};
+use crate::trace::stack::LocalStack;
+use crate::trace::{LEAF, Nodes, TraceParams, TraceTriangle, Walk};
+use bytemuck::Zeroable;
+use fearless_simd::{Level, Simd, dispatch};
 
 /// SplitMix64.
 struct Random(u64);
@@ -59,6 +63,34 @@ impl Random {
     }
 }
 
+/// Those of this processor: the plain one and the one that is taken.
+fn levels() -> [Level; 2] {
+    [Level::baseline(), Level::new()]
+}
+
+/// Slots that a ray enters in the order in which it visits them.
+fn one_by_one<N: WideNodes + ?Sized>(nodes: &N, ray: &Ray) -> Vec<u32> {
+    let octant = octant(ray.direction);
+    let mut word = nodes.entered(0, &Prepared::new(ray), octant, ray.t_max);
+    let mut slots = Vec::new();
+    while word != 0 {
+        let (slot, rest) = N::first(word, octant);
+        slots.push(slot);
+        word = rest;
+    }
+    slots
+}
+
+/// The same by vectors.
+fn at_once<S: Simd, N: NodesAtOnce + ?Sized>(simd: S, nodes: &N, ray: &Ray) -> Vec<u32> {
+    let mut group = nodes.group(simd, 0, &Prepared::new(ray), ray.t_max);
+    let mut slots = Vec::new();
+    while !group.is_empty() {
+        slots.extend(group.take(octant(ray.direction), ray.t_max));
+    }
+    slots
+}
+
 macro_rules! soa {
     ($test:ident, $node:ident, $width:literal) => {
         #[test]
@@ -68,7 +100,7 @@ macro_rules! soa {
             let rounds = if cfg!(miri) { 50 } else { 100_000 };
             for _ in 0..rounds {
                 let ray = random.ray();
-                let mut node: $node = bytemuck::Zeroable::zeroed();
+                let mut node = $node::zeroed();
                 for k in 0..$width {
                     let is_empty = random.word() % 5 == 0;
                     node.child[k] = if is_empty { NO_CHILD } else { random.word() >> 1 };
@@ -78,10 +110,13 @@ macro_rules! soa {
                         [node.min_z[k], node.max_z[k]] = random.side(ray.origin[2]);
                     }
                 }
-                let prepared = Prepared::new(&ray);
-                let expected = node.entered_one_by_one(&prepared, ray.t_max);
-                assert_eq!(node.entered_at_once(&prepared, ray.t_max), expected, "{ray:?}, {node:?}");
-                several += u32::from(expected > 0xff);
+                let nodes = [node];
+                let expected = one_by_one(&nodes[..], &ray);
+                for level in levels() {
+                    let found = dispatch!(level, simd => at_once(simd, &nodes[..], &ray));
+                    assert_eq!(found, expected, "{level:?}, {ray:?}, {node:?}");
+                }
+                                several += u32::from(expected.len() > 1);
             }
             assert!(several > rounds / 20, "{several}");
         }
@@ -117,13 +152,12 @@ fn eight_compressed_boxes_at_once() {
         }
         node.scales_and_inner =
             random.one_of(&[0x96_96_96, 0x95_97_96, 0x01_96_96, 0x9d_9d_9d]) | (random.word() << 24);
-        let (prepared, octant) = (Prepared::new(&ray), octant(ray.direction));
-        let steps = node.steps(&prepared);
-        let expected = (0..8u32)
-            .filter(|&slot| node.enters(slot, &prepared, &steps, ray.t_max))
-            .fold(0, |word, slot| word | 1 << (slot ^ octant));
         let nodes = [node];
-        assert_eq!(nodes[..].entered(0, &prepared, octant, ray.t_max), expected, "{ray:?}, {node:?}");
+        let expected = one_by_one(&nodes[..], &ray);
+        for level in levels() {
+            let found = dispatch!(level, simd => at_once(simd, &nodes[..], &ray));
+            assert_eq!(found, expected, "{level:?}, {ray:?}, {node:?}");
+        }
         words.insert(expected);
     }
     assert!(words.len() > if cfg!(miri) { 5 } else { 200 }, "{words:?}");
@@ -178,4 +212,77 @@ fn edges_at_once() {
         hits += u32::from(expected < f32::INFINITY);
     }
     assert!(cfg!(miri) || hits > 5_000, "{hits}");
+}
+
+#[test]
+fn four_triangles_at_once() {
+    let mut random = Random(4);
+    let mut counts = [0; 2];
+    for _ in 0..if cfg!(miri) { 20 } else { 50_000 } {
+        let ray = random.ray();
+        let prepared = Prepared::new(&ray);
+        let mut triangle = || {
+            let mut corner = || [0, 1, 2].map(|k| ray.origin[k] + 1e9 * (ray.direction[k] + 0.3 * random.unit()));
+            TraceTriangle::new(u32::MAX >> 1, [corner(), corner(), corner()])
+        };
+        let four = [triangle(), triangle(), triangle(), triangle()];
+        for level in levels() {
+            let may_hit = dispatch!(level, simd => prepared.may_hit(simd, four.each_ref().map(bytemuck::cast_ref)));
+            for (k, triangle) in four.iter().enumerate() {
+                let expected = !prepared.misses(bytemuck::cast_ref(triangle));
+                assert_eq!(may_hit & (1 << k) != 0, expected, "{level:?}, {ray:?}, {triangle:?}");
+                counts[usize::from(expected)] += 1;
+            }
+        }
+    }
+    assert!(cfg!(miri) || counts.into_iter().all(|count| count > 5_000), "{counts:?}");
+}
+
+/// The walk of a processor has the hits and the counts of that of a GPU.
+#[test]
+fn walks_agree() {
+    let mut random = Random(5);
+    let mut triangles = Vec::new();
+    let mut nodes = vec![Bvh8Node::zeroed(); 9];
+    for k in 0..8 {
+        let middle = [0, 1, 2].map(|_| 1e9 * random.unit());
+        for slot in 0..8 {
+            let (first, count) = (triangles.len() as u32, 1 + random.word() % 9);
+            for _ in 0..count {
+                let mut corner = || middle.map(|x| x + 3e8 * random.unit());
+                triangles.push(TraceTriangle::new(triangles.len() as u32, [corner(), corner(), corner()]));
+            }
+            triangles.last_mut().expect("one at least").is_last = 1;
+            let leaf = &triangles[first as usize..];
+            set_slot(&mut nodes[1 + k], slot, (first | LEAF, count), leaf);
+        }
+        let all = &triangles[(nodes[1 + k].child[0] & !LEAF) as usize..];
+        set_slot(&mut nodes[0], k, (1 + k as u32, 0), all);
+    }
+    let mut hits = 0;
+    for _ in 0..if cfg!(miri) { 10 } else { 20_000 } {
+        let ray = random.ray();
+        let ray = Ray { origin: ray.origin.map(|x| x * 0.5), ..ray };
+        for any in [0, 1] {
+            let params = TraceParams { count: 1, first: 0, root: 0, any, resumes: 0 };
+            let mut stack = LocalStack::<LOCAL_WORDS>::new();
+            let start = Walk::start(&params, &ray);
+            let expected: Hit = nodes[..].walk(&params, &ray, &triangles, &mut stack, start).result(&params);
+            for level in levels() {
+                let found = walk_on(level, &params, &ray, &nodes[..], &triangles).result(&params);
+                assert_eq!(found, expected, "{level:?}, {any}, {ray:?}");
+            }
+            hits += u32::from(expected.triangle != crate::ray::NO_TRIANGLE);
+        }
+    }
+    assert!(cfg!(miri) || hits > 2_000, "{hits}");
+}
+
+fn set_slot(node: &mut Bvh8Node, slot: usize, (child, count): (u32, u32), triangles: &[TraceTriangle]) {
+    let least = |row: fn(&TraceTriangle) -> [f32; 3]| triangles.iter().flat_map(row).fold(f32::INFINITY, f32::min);
+    let most = |row: fn(&TraceTriangle) -> [f32; 3]| triangles.iter().flat_map(row).fold(f32::NEG_INFINITY, f32::max);
+    [node.min_x[slot], node.max_x[slot]] = [least(|t| t.x), most(|t| t.x)];
+    [node.min_y[slot], node.max_y[slot]] = [least(|t| t.y), most(|t| t.y)];
+    [node.min_z[slot], node.max_z[slot]] = [least(|t| t.z), most(|t| t.z)];
+    (node.child[slot], node.count[slot]) = (child, count);
 }
