@@ -32,6 +32,12 @@ impl crate::device::Layer for AsGpu {
                 *self.2.entry(dispatch.kernel).or_default() += 1;
             }
         }
+        let mut parts: Vec<(&str, usize)> = Vec::new();
+        for &(label, ref command) in recording.commands() {
+            let label = match command { Command::Dispatch(_) => label, Command::Fetch{..} => "FETCH", _ => "other" };
+            match parts.iter_mut().find(|p| p.0 == label) { Some(p) => p.1 += 1, None => parts.push((label, 1)) }
+        }
+        println!("SUB {} {parts:?}", self.0.traffic().submissions);
         self.0.run(recording)
     }
 }
