@@ -22,7 +22,7 @@ use prbvh_kernel::prbvh::worst::top::TopNode;
 use prbvh_kernel::setup::Triangle;
 
 /// As many times the nodes that a top should have there is room for on the first look: the last stage that unfolds may bring more than were missing.
-const ROOM: u32 = 2;
+const ROOM: u32 = 4;
 
 /// What became of the top of a tree.
 #[derive(Debug, Default)]

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 /// Most rounds of the first submission of a search; each further one has twice as many. Those after the end of a search do nothing, but a GPU takes a microsecond or two
 /// for each of their dispatches. So there are never more of these than rounds that did something, or the few that take less time than a submission.
-const AT_FIRST: u32 = 16;
+const AT_FIRST: u32 = 32;
 /// Most rounds of any submission.
 pub(super) const MOST_AT_ONCE: u32 = 64;
 /// A round takes as long as to search so many nodes more.
@@ -101,7 +101,7 @@ mod tests {
         let few = |pace: &mut Pace| pace.rounds(all(&[1000.0; 100]), &limits, 0, NONE);
         assert_eq!(few(&mut pace), 10);
         pace.note(10, 0.001);
-        for most in [32, 64, 64] {
+        for most in [64, 64] {
             assert_eq!(few(&mut pace), most, "the rate rises");
             pace.note(most as usize, 0.001);
         }
@@ -109,7 +109,7 @@ mod tests {
         assert_eq!(few(&mut pace), 12, "and falls");
         pace.begin();
         pace.note(6, 0.001);
-        assert_eq!(few(&mut pace), 16, "another search");
+        assert_eq!(few(&mut pace), 32, "another search");
         assert_eq!(pace.rounds(all(&[1e9, 1.0]), &limits, 0, NONE), 1, "one round goes in any case");
         assert_eq!(pace.rounds(all(&[1e3, 1e9, 1.0]), &limits, 0, NONE), 1);
     }
