@@ -32,7 +32,13 @@ pub(super) struct Pace {
 impl Pace {
     /// Nothing is known. A submission should take about as long as `news`.
     pub(super) fn new(news: Duration, device: &DeviceInfo) -> Self {
-        Self { news, rate: FIRST_RATE, goes_beyond: device.kind == DeviceKind::VulkanGpu, most: AT_FIRST, planned: Vec::new() }
+        Self {
+            news,
+            rate: FIRST_RATE,
+            goes_beyond: device.kind == DeviceKind::VulkanGpu,
+            most: AT_FIRST,
+            planned: Vec::new(),
+        }
     }
 
     /// Says that a search begins.

@@ -9,8 +9,8 @@ use crate::build::{DeviceTree, Scratch};
 use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
 use prbvh_kernel::prbvh::worst::books::EPOCH;
 use prbvh_kernel::status::{
-    APPLIED, FAULT_BROKEN_TREE, FAULT_SEARCH_STEPS, FAULT_TREELET, FAULTS, FOUND, GOES_ON, HURRY, MOST_STEPS, MU, OWNED,
-    PREDICTED, REPORT_WORDS, SEARCHED, VERDICT, VISITS,
+    APPLIED, FAULT_BROKEN_TREE, FAULT_SEARCH_STEPS, FAULT_TREELET, FAULTS, FOUND, GOES_ON, HURRY, MOST_STEPS, MU,
+    OWNED, PREDICTED, REPORT_WORDS, SEARCHED, VERDICT, VISITS,
 };
 use prbvh_kernel::sum;
 use std::ops::ControlFlow;

@@ -68,7 +68,7 @@ fn many_rounds_go_in_one_submission() {
     let device = open(options(Access::Never));
     let info = DeviceInfo { kind: DeviceKind::VulkanGpu, ..Device::info(&device).clone() };
     let mut device = AsGpu(device, info, BTreeMap::new());
-    for (order, most) in [(Order::Published, 40), (Order::WorstFirst, 80)] {
+    for (order, most) in [(Order::Published, 12), (Order::WorstFirst, 24)] {
         let (expected, rows, _) = run(&mut cpu, &settings(order, HOUR));
         device.2.clear();
         let (hash, _, together) = run(&mut device, &settings(order, HOUR));
@@ -101,7 +101,7 @@ const METHODS: &[Method] = &[
     },
     Method {
         name: "ploc",
-        most: 12,
+        most: 10,
         run: |device, triangles, _| {
             let (tree, _, _) = build::ploc(device, triangles, MortonBits::default(), build::DEFAULT_RADIUS).unwrap();
             tree.free(device);
@@ -119,7 +119,7 @@ const METHODS: &[Method] = &[
     #[cfg(feature = "atrbvh")]
     Method {
         name: "atrbvh",
-        most: 40,
+        most: 18,
         run: |device, triangles, _| {
             let size = build::TreeletSize::DEFAULT;
             let (tree, _, _) = build::atrbvh(device, triangles, MortonBits::default(), size).unwrap();
