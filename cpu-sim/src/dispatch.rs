@@ -36,6 +36,10 @@ impl Executor {
         Self { order: Order::Parallel, pool: Some(pool) }
     }
 
+    pub(crate) fn on_this_thread() -> Self {
+        Self { order: Order::Parallel, pool: None }
+    }
+
     pub(crate) fn install<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
         match &self.pool {
             Some(pool) => pool.install(work),

@@ -57,6 +57,12 @@ impl CpuSim {
         Self { arena: Arena::default(), executor: Arc::new(Executor::in_pool(pool)) }
     }
 
+    /// A CPU without buffers that runs all on the thread that asks it to.
+    #[must_use]
+    pub fn on_this_thread() -> Self {
+        Self { arena: Arena::default(), executor: Arc::new(Executor::on_this_thread()) }
+    }
+
     /// Threads that dispatches use.
     #[must_use]
     pub fn threads(&self) -> usize {

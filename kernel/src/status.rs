@@ -40,11 +40,14 @@ pub const VERDICT: usize = 17;
 /// Of the published order: every so many nodes one was searched.
 pub const MU: usize = 18;
 
+/// Whether rounds want four times as many nodes from here on.
+pub const HURRY: usize = 19;
+
 /// Another round follows.
 pub const GOES_ON: u32 = 0;
 /// The cost has settled.
 pub const SETTLED: u32 = 1;
-/// Nothing was found in the last rounds, but there is more to search.
+/// Nothing was found in the last rounds, but there is more to search: by rounds that are yet to be planned.
 pub const NOTHING_FOUND: u32 = 2;
 /// The cost is as low as was asked for.
 pub const AT_TARGET: u32 = 3;

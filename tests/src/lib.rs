@@ -9,6 +9,7 @@ pub mod devices;
 pub mod dual;
 pub mod fixtures;
 pub mod footprint;
+pub mod hidden;
 pub mod locks;
 pub mod made_up;
 pub mod moved;

@@ -1,38 +1,7 @@
 //! What plans leave out, measured with and without: rows, and a line per omission.
 
-use prbvh::device::{self, Device, DeviceInfo};
 use prbvh::plan::Omission;
 use std::fmt::Write;
-
-/// A device without 64-bit atomics, made of any other: its locks take two words.
-#[allow(missing_debug_implementations, reason = "a device need not be printable")]
-pub struct Narrow<'a> {
-    device: &'a mut dyn Device,
-    info: DeviceInfo,
-}
-
-impl<'a> Narrow<'a> {
-    /// Of `device`.
-    pub fn new(device: &'a mut dyn Device) -> Self {
-        let mut info = device.info().clone();
-        info.atomics_64 = false;
-        Self { device, info }
-    }
-}
-
-impl device::Layer for Narrow<'_> {
-    fn inner(&self) -> &dyn Device {
-        self.device
-    }
-
-    fn inner_mut(&mut self) -> &mut dyn Device {
-        self.device
-    }
-
-    fn info(&self) -> &DeviceInfo {
-        &self.info
-    }
-}
 
 /// One omission on one scene; of a pair the first is left out, the second kept.
 #[derive(Clone, Debug)]

@@ -24,9 +24,9 @@ fn check_climb(leaves: u32) {
         root_area: 1.0,
         scale: 1.0,
         page: CLOSE,
-        pool: 1,
         ..Zeroable::zeroed()
-    };
+    }
+    .wanting(0, 1);
     with_devices(|devices| {
         for (name, device) in devices {
             let device = &mut **device;

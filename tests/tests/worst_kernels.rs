@@ -32,7 +32,7 @@ const REPORT: usize = REPORT_WORDS as usize;
 fn round(places: usize, page: u32, wanted: u32) -> RoundParams {
     let nodes = 2 * places as u32 + 1;
     let (count, pool) = (places as u32, u32::MAX);
-    RoundParams { count, nodes, root_area: 1.0, scale: 1.0, page, wanted, pool, ..Zeroable::zeroed() }
+    RoundParams { count, nodes, root_area: 1.0, scale: 1.0, page, ..Zeroable::zeroed() }.wanting(wanted, pool)
 }
 
 /// A pool, of which some nodes are tired.

@@ -210,8 +210,9 @@ impl Stages<'_> {
         let mut recording = Recording::new();
         recording.clear("collapse", arrivals);
         recording.dispatch("collapse", Kernel::CollapseSizes, n, &params, &[&self.tree.nodes, subtrees, arrivals]);
-        self.timings.extend(device.run(&recording)?);
         let mut root = [0; SUBTREE_WORDS as usize];
+        recording.fetch("collapse", subtrees, size_of_val(&root));
+        self.timings.extend(device.run(&recording)?);
         device.download(subtrees, bytemuck::cast_slice_mut(&mut root))?;
         if root[SIZE as usize] & !LEAF != n {
             // Not every leaf hangs below the root.

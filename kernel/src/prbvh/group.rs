@@ -11,6 +11,7 @@ use super::worst::books::{
     self, BUCKET, BUCKETS, CELLS, CHUNK, CLOSE, FRINGE_LENGTH, FRINGE_SIDE, HISTOGRAM, LIST_LENGTH, OVER_LIST, PART,
     POOL_LENGTH, POOL_SIDE, SELECTS, STOPPED, TURN, UNFOLDS, run_over, thinning,
 };
+use super::worst::hurry;
 use super::worst::refit;
 use super::worst::select::{count_in, select};
 use super::worst::unfold::unfold;
@@ -141,6 +142,7 @@ fn unfold_all<W: Workgroup>(
 /// Finds the bucket down to which keys are among the worst.
 #[inline(always)]
 fn threshold(params: &RoundParams, books: &[AtomicU32], report: &[AtomicU32], shared: &[SharedU32; HEAD_WORDS]) {
+    let wanted = hurry::wanted(params, books);
     let thinning = thinning(books[POOL_LENGTH + books[POOL_SIDE].load() as usize].load());
     let keys_at = move |at: u32| shared[at as usize].load() << thinning;
     let mut above = 0u32;
@@ -150,7 +152,7 @@ fn threshold(params: &RoundParams, books: &[AtomicU32], report: &[AtomicU32], sh
     let mut sum = SUMS;
     while sum > 0 && !is_found {
         let keys = keys_at(BUCKETS + sum - 1);
-        is_found = above + keys >= params.wanted;
+        is_found = above + keys >= wanted;
         if !is_found {
             above += keys;
             sum -= 1;
@@ -160,16 +162,16 @@ fn threshold(params: &RoundParams, books: &[AtomicU32], report: &[AtomicU32], sh
         // It is one of these.
         bucket = sum * TOGETHER - 1;
         inside = keys_at(bucket);
-        while above + inside < params.wanted {
+        while above + inside < wanted {
             above += inside;
             bucket -= 1;
             inside = keys_at(bucket);
         }
     }
     let mut part = CELLS;
-    if is_found && inside > params.wanted {
+    if is_found && inside > wanted {
         // A part of a crowd, and not so small a one that there might be nobody in it.
-        let mut room = umax(params.wanted - above, params.wanted / 2);
+        let mut room = umax(wanted - above, wanted / 2);
         let mut keys = inside;
         // Both without their last digits if the product would not fit.
         while keys >= 1 << 22 {

@@ -12,7 +12,8 @@ use prbvh::scene::{self, Scene};
 use prbvh_lab::report::{Machine, Program};
 use prbvh_tests::bench::stats::median;
 use prbvh_tests::fixtures::{flat, grid, soup};
-use prbvh_tests::omissions::{Measured, Narrow, summary};
+use prbvh_tests::hidden::Hidden;
+use prbvh_tests::omissions::{Measured, summary};
 use std::ops::ControlFlow;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -118,7 +119,7 @@ impl Way {
 
     fn run(&mut self, scene: &Scene, device: &mut dyn Device) {
         if self.is_kept && self.omission == Omission::LockWord {
-            self.run_on(scene, &mut Narrow::new(device));
+            self.run_on(scene, &mut Hidden::narrow(device));
         } else {
             self.run_on(scene, device);
         }

@@ -63,6 +63,7 @@ pub fn hploc<'a>(
             recording.clear("merge", &waiting);
             recording.dispatch("merge", Kernel::HplocStage, n, &params, &buffers);
         }
+        recording.fetch("merge", &waiting, 4);
         timings.extend(device.run(&recording)?);
         recording = Recording::new();
         device.download(&waiting, bytemuck::bytes_of_mut(&mut climbs))?;

@@ -234,6 +234,7 @@ impl<'a> Clustering<'a> {
         while progress[0] > 0 && level < MOST_LEVELS + MOST_HALVINGS {
             let mut recording = Recording::new();
             self.record_level(&mut recording, progress[0].min(self.parts[0].length as u32), level);
+            recording.fetch("tally", &self.progress, size_of_val(&progress));
             timings.extend(device.run(&recording)?);
             device.download(&self.progress, bytemuck::bytes_of_mut(&mut progress))?;
             device.upload(&self.progress, bytemuck::cast_slice(&[0, progress[1]]))?;
@@ -301,8 +302,9 @@ impl<'a> Clustering<'a> {
             recording.clear("halve", waiting);
             recording.dispatch("halve", Kernel::KmeansHalve, count, &params, &buffers);
         }
-        timings.extend(device.run(&recording)?);
         let mut waiting_parts = [0u32; 2];
+        recording.fetch("halve", waiting, size_of_val(&waiting_parts));
+        timings.extend(device.run(&recording)?);
         device.download(waiting, bytemuck::bytes_of_mut(&mut waiting_parts))?;
         if waiting_parts[0] > 0 {
             let problem =

@@ -50,6 +50,7 @@ pub use kmeans::{KMeansError, KMeansSettings, kmeans};
 pub use lbvh::lbvh;
 pub use ploc::{DEFAULT_RADIUS, ploc};
 pub use sbvh::{SbvhSettings, sbvh};
+#[cfg(feature = "atrbvh")]
 pub(crate) use sort::kernels as sort_kernels;
 pub use sweep::sah_sweep;
 pub(crate) use sweep::sweep_until;

@@ -100,6 +100,7 @@ fn setup(device: &mut dyn Device, triangles: &[Triangle], boxes: &Buffer) -> Res
         recording.dispatch("setup", Kernel::SetupBounds, params.count, &params, &[&from, &united]);
         from = united;
     }
+    recording.fetch("setup", &from, size_of::<Aabb>());
     let timings = device.run(&recording)?;
     let mut scene_box = Aabb::EMPTY;
     device.download(&from, bytemuck::bytes_of_mut(&mut scene_box))?;

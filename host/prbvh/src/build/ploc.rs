@@ -50,7 +50,9 @@ pub fn ploc<'a>(
     let params = ClustersParams { count: n };
     let buffers = [&sorted.order, &sorted.boxes, &list.clusters, &list.progress];
     recording.dispatch("leaves", Kernel::PlocClusters, n, &params, &buffers);
+    list.record_ask(&mut recording);
     timings.extend(device.run(&recording)?);
+    let begun = list.ask(device)?;
     sorted.free(device);
 
     let mut rounds = Rounds {
@@ -62,7 +64,7 @@ pub fn ploc<'a>(
         groups: device.info().busy_workgroups().min(MOST_GROUPS),
         gone: scratch.allocate(device, "marks of chunks", MOST_GROUPS as usize, 4)?,
     };
-    let progress = rounds.run(device, &mut timings)?;
+    let progress = rounds.run(device, begun, &mut timings)?;
     tracing::debug!("PLOC: {} rounds, {} of them paired the list", progress.rounds, progress.paired_rounds);
     scratch.free(device);
     device.keep();
@@ -83,6 +85,17 @@ impl List {
             progress: scratch.allocate(device, "progress", 1, size_of::<Progress>())?,
         })
     }
+
+    /// Records that the host will ask.
+    fn record_ask(&self, recording: &mut Recording) {
+        recording.fetch("merge", &self.progress, size_of::<Progress>());
+    }
+
+    fn ask(&self, device: &mut dyn Device) -> Result<Progress, DeviceError> {
+        let mut progress = Progress::default();
+        device.download(&self.progress, bytemuck::bytes_of_mut(&mut progress))?;
+        Ok(progress)
+    }
 }
 
 #[derive(Debug)]
@@ -99,16 +112,22 @@ struct Rounds {
 }
 
 impl Rounds {
-    fn run(&mut self, device: &mut dyn Device, timings: &mut Vec<Timing>) -> Result<Progress, DeviceError> {
-        let mut progress = self.ask(device)?;
+    fn run(
+        &mut self,
+        device: &mut dyn Device,
+        begun: Progress,
+        timings: &mut Vec<Timing>,
+    ) -> Result<Progress, DeviceError> {
+        let mut progress = begun;
         while progress.clusters > 1 {
             let most = progress.clusters;
             let mut recording = Recording::new();
             for _ in 0..if most < ASK_EVERY_ROUND { ROUNDS_UNASKED } else { 1 } {
                 self.record_round(&mut recording, most);
             }
+            self.lists[0].record_ask(&mut recording);
             timings.extend(device.run(&recording)?);
-            progress = self.ask(device)?;
+            progress = self.lists[0].ask(device)?;
             // Every round merges a pair; one that does not would be repeated for ever.
             if !(1..most).contains(&progress.clusters) {
                 return Err(DeviceError::Kernel {
@@ -118,12 +137,6 @@ impl Rounds {
                 });
             }
         }
-        Ok(progress)
-    }
-
-    fn ask(&self, device: &mut dyn Device) -> Result<Progress, DeviceError> {
-        let mut progress = Progress::default();
-        device.download(&self.lists[0].progress, bytemuck::bytes_of_mut(&mut progress))?;
         Ok(progress)
     }
 

@@ -159,18 +159,17 @@ impl<'a> Passes<'a> {
         let differing = u32::MAX >> levels.leading_zeros();
         self.sorter.record(&mut recording, &self.levels, &self.order, differing);
         recording.clear("restructure", &self.report);
-        timings.extend(device.run(&recording)?);
         // The nodes that are no treelet roots have level 0 and come first.
         let mut first = internal - treelets;
         for some in counts.chunks(LEVELS_AT_ONCE) {
-            let mut recording = Recording::new();
             for &count in some {
                 let params = RestructureParams { count, first, treelet: self.treelet, internal };
                 let buffers = [&self.order, &self.tree.nodes, &self.report];
                 recording.dispatch("restructure", self.kernel, count, &params, &buffers);
                 first += count;
             }
-            timings.extend(device.run(&recording)?);
+            recording.fetch("restructure", &self.report, 4 * REPORT_WORDS as usize);
+            timings.extend(device.run(&std::mem::take(&mut recording))?);
         }
         let mut report = [0u32; REPORT_WORDS as usize];
         device.download(&self.report, bytemuck::cast_slice_mut(&mut report))?;
@@ -195,6 +194,7 @@ impl<'a> Passes<'a> {
         let params = LevelsParams { count: n, gamma };
         let buffers = [&self.tree.nodes, &self.sizes, &self.levels, &self.order, &self.counts, &self.arrivals];
         recording.dispatch("levels", Kernel::AtrbvhLevels, n, &params, &buffers);
+        recording.fetch("levels", &self.counts, 4 * LEVELS_AT_ONCE.min(self.counts.length));
         timings.extend(device.run(&recording)?);
         let mut levels = 0u32;
         device.download(&self.counts, bytemuck::bytes_of_mut(&mut levels))?;

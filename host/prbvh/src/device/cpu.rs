@@ -42,6 +42,11 @@ impl CpuDevice {
         Self::over(CpuSim::in_pool(pool))
     }
 
+    /// A device for small work that runs on the thread that asks for it.
+    pub(crate) fn on_this_thread() -> Self {
+        Self::over(CpuSim::on_this_thread())
+    }
+
     fn over(sim: CpuSim) -> Self {
         let threads = sim.threads();
         let info = DeviceInfo {

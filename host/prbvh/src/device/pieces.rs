@@ -1,10 +1,12 @@
 //! Long buffers, read without a copy of the whole.
 
-use super::{Buffer, Device, DeviceError};
+use super::{Buffer, Device, DeviceError, DeviceKind};
 use bytemuck::Pod;
 
 /// Bytes that are read at a time, about.
 const PIECE_BYTES: usize = 1 << 20;
+/// The same where each time is a submission.
+const PIECE_BYTES_OF_A_GPU: usize = 16 << 20;
 
 /// Hands the elements of a buffer over, in order, some at a time.
 ///
@@ -15,7 +17,8 @@ pub(crate) fn read_pieces<T: Pod>(
     buffer: &Buffer,
     mut take: impl FnMut(&[T]),
 ) -> Result<(), DeviceError> {
-    let at_a_time = (PIECE_BYTES / size_of::<T>()).clamp(1, buffer.length.max(1));
+    let bytes = if device.info().kind == DeviceKind::VulkanGpu { PIECE_BYTES_OF_A_GPU } else { PIECE_BYTES };
+    let at_a_time = (bytes / size_of::<T>()).clamp(1, buffer.length.max(1));
     let mut piece = vec![T::zeroed(); at_a_time.min(buffer.length)];
     for first in (0..buffer.length).step_by(at_a_time) {
         piece.truncate(buffer.length - first);

@@ -2,7 +2,7 @@
 
 use super::WorstFirst;
 use super::moves::Moves;
-use crate::build::{Scratch, sort_kernels};
+use crate::build::Scratch;
 use crate::device::{Buffer, Device, DeviceError, DeviceInfo, DeviceKind, Recording};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::prbvh::dual::search::{DualParams, TO_THE_ROOT};
@@ -44,27 +44,14 @@ pub(crate) fn later_kernels(info: &DeviceInfo, internal: u32, settings: &WorstFi
         [Kernel::WorstCount, Kernel::WorstSelect, Kernel::PrbvhReinsert, Kernel::WorstMark, Kernel::WorstRefit];
     const LOCKS: [[Kernel; 2]; 2] =
         [[Kernel::PrbvhLock, Kernel::PrbvhCheck], [Kernel::PrbvhLockWords, Kernel::PrbvhCheckWords]];
-    const TOPS: [Kernel; 12] = [
-        Kernel::WorstTop,
-        Kernel::KeptGraft,
-        Kernel::SetupBoxes,
-        Kernel::SetupBounds,
-        Kernel::Morton30,
-        Kernel::Morton60,
-        Kernel::SortGather,
-        Kernel::LbvhLeaves,
-        Kernel::LbvhHierarchy,
-        Kernel::Refit,
-        Kernel::Cost,
-        Kernel::WorstHead,
-    ];
+    const TOPS: [Kernel; 4] = [Kernel::WorstTop, Kernel::KeptGraft, Kernel::Refit, Kernel::WorstHead];
     let most = settings.most_part.max(settings.tail_part) * f64::from(internal);
     let mut kernels = vec![Kernel::WorstBooks];
     if most >= f64::from(alone(info, internal).0) + 1.0 {
         kernels.extend(LARGE.into_iter().chain(LOCKS[usize::from(!info.atomics_64)]));
     }
     if !settings.tops(internal).is_empty() {
-        kernels.extend(TOPS.into_iter().chain(sort_kernels(info)));
+        kernels.extend(TOPS);
         kernels.extend(ends_alone(info).then_some(Kernel::WorstTail));
     }
     kernels
@@ -118,6 +105,16 @@ impl Lists {
             fringe: buffer("fringe", 2 * places)?,
             list: buffer("list", places)?,
         })
+    }
+
+    /// Most nodes that a small round wants.
+    pub(super) fn small(&self) -> u32 {
+        self.small
+    }
+
+    /// Whether a round that wants so many nodes is a small one.
+    pub(super) fn is_small(&self, wanted: u32) -> bool {
+        wanted <= self.small
     }
 
     /// Records that the pool is empty and unfolds the top of the tree, in so many stages or until the pool is full.
@@ -177,9 +174,13 @@ impl Lists {
 
     fn record_head(&self, of: Of<'_>, recording: &mut Recording, label: &'static str, params: &RoundParams) {
         let Self { keys, pool, fringe, list, .. } = self;
-        let params = RoundParams { count: 1, ..*params };
         let buffers = [of.nodes, keys, fringe, pool, list, &of.moves.books, &of.moves.report];
-        recording.dispatch(label, Kernel::WorstHead, 1, &params, &buffers);
+        if params.has(BEGINS) {
+            let params = RoundParams { count: 1, ..*params };
+            recording.dispatch(label, Kernel::WorstHead, 1, &params, &buffers);
+        } else {
+            of.moves.dispatch_once(recording, label, Kernel::WorstHead, params, &buffers);
+        }
     }
 
     /// Records a round.
@@ -187,7 +188,7 @@ impl Lists {
         let Self { keys, pool, fringe, list, .. } = self;
         let Of { nodes, ways, moves } = of;
         let (books, found, report) = (&moves.books, &moves.found, &moves.report);
-        let is_small = params.wanted <= self.small;
+        let is_small = self.is_small(params.wanted[0]);
         if is_small {
             self.record_head(of, recording, "select", &RoundParams { flags: params.flags | COMES_FIRST, ..*params });
         } else {
@@ -213,9 +214,9 @@ impl Lists {
             && self.ends_alone
             && let Some(locks) = moves.word_locks()
         {
-            let params = RoundParams { count: 1, page: lock_rounds, ..*params };
+            let params = RoundParams { page: lock_rounds, ..*params };
             let buffers = [found, nodes, locks, &moves.kept, ways, keys, fringe, pool, books, report];
-            recording.dispatch("reinsert", Kernel::WorstTail, 1, &params, &buffers);
+            moves.dispatch_once(recording, "reinsert", Kernel::WorstTail, &params, &buffers);
             return;
         }
         let params_of_moves = PrbvhParams {

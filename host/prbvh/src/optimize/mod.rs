@@ -2,6 +2,7 @@
 //! RBVH's moves.
 
 mod areas;
+mod beginnings;
 mod check;
 mod current;
 mod error;

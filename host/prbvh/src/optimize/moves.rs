@@ -5,7 +5,7 @@ use crate::device::{Buffer, Device, DeviceError, Recording};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::kept::{GraftParams, Kept, RestoreParams};
 use prbvh_kernel::prbvh::worst::RoundParams;
-use prbvh_kernel::prbvh::worst::books::{BOOKS_WORDS, OVER_LIST};
+use prbvh_kernel::prbvh::worst::books::{BOOKS_WORDS, CLOSE, OVER_LIST, OVER_ROUND};
 use prbvh_kernel::prbvh::{LAST, Move, PrbvhParams, ROUNDS, SECOND_WORD};
 use std::fmt;
 
@@ -144,6 +144,19 @@ impl Moves {
         self.dispatch(recording, "reinsert", Kernel::PrbvhReinsert, params, &buffers);
     }
 
+    /// Records what a single workgroup does once a round, and not at all behind the end.
+    pub(super) fn dispatch_once(
+        &self,
+        recording: &mut Recording,
+        label: &'static str,
+        kernel: Kernel,
+        params: &RoundParams,
+        buffers: &[&Buffer],
+    ) {
+        let params = RoundParams { count: 1, ..*params };
+        recording.dispatch_counted(label, kernel, 1, &params, buffers, &self.books, OVER_ROUND);
+    }
+
     /// Records a page of the books. `fringe` is any buffer of words where the page has no use for one.
     pub(super) fn record_page(
         &self,
@@ -152,8 +165,13 @@ impl Moves {
         params: &RoundParams,
         fringe: &Buffer,
     ) {
-        let params = RoundParams { count: 1, ..*params };
-        recording.dispatch(label, Kernel::WorstBooks, 1, &params, &[&self.books, fringe, &self.report]);
+        let buffers = [&self.books, fringe, &self.report];
+        if params.page == CLOSE {
+            self.dispatch_once(recording, label, Kernel::WorstBooks, params, &buffers);
+        } else {
+            let params = RoundParams { count: 1, ..*params };
+            recording.dispatch(label, Kernel::WorstBooks, 1, &params, &buffers);
+        }
     }
 
     /// Records that nodes get other children, without their boxes.

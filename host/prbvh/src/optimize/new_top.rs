@@ -4,16 +4,16 @@
 //! than a given area, and what hangs below counts as its leaves. Over those other trees are built and optimised, as if each leaf were a triangle with the same
 //! box, which takes some milliseconds whatever the size of the scene. The best of several such tops replaces the old one if it has less area.
 
+use super::beginnings::beginnings;
 use super::lists::{Lists, top_buffer};
 use super::search::of;
 use super::session::Session;
 use super::side_by_side::{self, Optimised};
 use super::{Limits, PrbvhSettings, WorstFirst};
-use crate::build::{self, CodeCensus, DeviceTree, MortonBits, Scratch};
-use crate::device::{Buffer, Device, DeviceError, Recording, on_host};
+use crate::build::Scratch;
+use crate::device::{Buffer, Device, DeviceError, Recording};
 use crate::scene::stand_in;
 use bytemuck::Zeroable;
-use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::kept::Graft;
 use prbvh_kernel::node::Node;
 use prbvh_kernel::prbvh::worst::RoundParams;
@@ -22,7 +22,7 @@ use prbvh_kernel::prbvh::worst::top::TopNode;
 use prbvh_kernel::setup::Triangle;
 
 /// As many times the nodes that a top should have there is room for on the first look: the last stage that unfolds may bring more than were missing.
-const ROOM: u32 = 2;
+const ROOM: u32 = 4;
 
 /// What became of the top of a tree.
 #[derive(Debug, Default)]
@@ -60,7 +60,7 @@ pub(super) fn renew(
     }
     if let (area, Some(nodes)) = best {
         let grafts = top.grafts(&nodes);
-        let buffer = device.allocate("grafts", grafts.len(), size_of::<Graft>())?;
+        let buffer = session.scratch.allocate(device, "grafts", grafts.len(), size_of::<Graft>())?;
         device.upload(&buffer, bytemuck::cast_slice(&grafts))?;
         renewed.grafts = Some(buffer);
         renewed.decrease = top.area - area;
@@ -90,7 +90,7 @@ impl Top {
         params: &RoundParams,
     ) -> Result<Self, DeviceError> {
         let mut scratch = Scratch::default();
-        let room = params.pool.saturating_mul(ROOM).min(session.internal);
+        let room = params.next[0].saturating_mul(ROOM).min(session.internal);
         let buffer = top_buffer(device, &mut scratch, room)?;
         recording.clear("select", &session.moves.report);
         lists.record_forget(&mut recording);
@@ -124,21 +124,14 @@ impl Top {
         Ok(Self { area, nodes, leaves, triangles })
     }
 
-    /// Other tops over the same leaves, as trees of their own. They begin as an LBVH and by binned SAH: that these differ is the point of them.
+    /// Other tops over the same leaves, as trees of their own.
     fn optimised(
         &self,
-        session: &mut Session<'_>,
+        session: &Session<'_>,
         device: &mut dyn Device,
         settings: &PrbvhSettings,
     ) -> Result<Vec<Optimised>, DeviceError> {
-        let triangles = &self.triangles;
-        let all = triangles.iter().fold(Aabb::EMPTY, |all, triangle| all.union(triangle.aabb()));
-        let census = on_host(device, || CodeCensus::of(triangles, all.min, all.max));
-        let codes = census.enough(MortonBits::default());
-        let (lbvh, timings) = build::lbvh(device, triangles, codes)?;
-        session.take_note(timings);
-        let nodes = on_host(device, || build::sah_binned(triangles));
-        let trees = [lbvh, DeviceTree::upload(device, &nodes)?];
+        let beginnings = beginnings(device, &self.triangles)?;
         let max_time = settings.limits.max_time.map(|limit| limit.saturating_sub(session.elapsed()));
         let settings = PrbvhSettings {
             worst_first: WorstFirst { top: 0, ..settings.worst_first },
@@ -149,11 +142,7 @@ impl Top {
             },
             ..settings.clone()
         };
-        let optimised = side_by_side::optimise(device, &trees, &settings);
-        for tree in trees {
-            tree.free(device);
-        }
-        optimised
+        side_by_side::optimise(device, &beginnings, &settings)
     }
 
     /// The children that the nodes of the top have in another one.

@@ -4,9 +4,11 @@ use super::Limits;
 use crate::device::{DeviceInfo, DeviceKind};
 use std::time::Duration;
 
-/// Most rounds of a submission. Those after the end of a search do nothing, but a GPU takes some microseconds for each of their dispatches; with as many
-/// rounds this is about as long as the waits that they save.
-pub(super) const MOST_AT_ONCE: u32 = 16;
+/// Most rounds of the first submission of a search; each further one has twice as many. Those after the end of a search do nothing, but a GPU takes a microsecond or two
+/// for each of their dispatches. So there are never more of these than rounds that did something, or the few that take less time than a submission.
+const AT_FIRST: u32 = 32;
+/// Most rounds of any submission.
+pub(super) const MOST_AT_ONCE: u32 = 64;
 /// A round takes as long as to search so many nodes more.
 const OF_A_ROUND: f64 = 1000.0;
 /// Nodes searched in a second, before it is known.
@@ -21,6 +23,8 @@ pub(super) struct Pace {
     rate: f64,
     /// Whether rounds behind the end of a search cost less than to ask whether it has ended. Not where the CPU does both.
     goes_beyond: bool,
+    /// Most rounds that go next.
+    most: u32,
     /// Work of each round that goes next.
     planned: Vec<f64>,
 }
@@ -28,7 +32,18 @@ pub(super) struct Pace {
 impl Pace {
     /// Nothing is known. A submission should take about as long as `news`.
     pub(super) fn new(news: Duration, device: &DeviceInfo) -> Self {
-        Self { news, rate: FIRST_RATE, goes_beyond: device.kind == DeviceKind::VulkanGpu, planned: Vec::new() }
+        Self {
+            news,
+            rate: FIRST_RATE,
+            goes_beyond: device.kind == DeviceKind::VulkanGpu,
+            most: AT_FIRST,
+            planned: Vec::new(),
+        }
+    }
+
+    /// Says that a search begins.
+    pub(super) fn begin(&mut self) {
+        self.most = AT_FIRST;
     }
 
     /// How many rounds go next, of those that search so many nodes each and after which the search may end or not: no more than the limits leave, and one at
@@ -41,7 +56,7 @@ impl Pace {
         elapsed: Duration,
     ) -> u32 {
         let left = limits.max_time.map_or(self.news, |most| most.saturating_sub(elapsed).min(self.news));
-        let most = MOST_AT_ONCE.min(limits.max_iterations.saturating_sub(iterations)).max(1);
+        let most = self.most.min(limits.max_iterations.saturating_sub(iterations)).max(1);
         let mut room = self.rate * left.as_secs_f64();
         self.planned.clear();
         for (searched, may_end) in rounds.into_iter().take(most as usize) {
@@ -60,6 +75,9 @@ impl Pace {
 
     /// Takes note of how long it took to make so many of them.
     pub(super) fn note(&mut self, made: usize, seconds: f64) {
+        if made == self.planned.len() {
+            self.most = (2 * self.most).min(MOST_AT_ONCE);
+        }
         if made > 0 && seconds > 0.0 {
             let rate = self.planned[..made].iter().sum::<f64>() / seconds;
             self.rate = rate.min(MOST_RISE * self.rate);
@@ -89,9 +107,15 @@ mod tests {
         let few = |pace: &mut Pace| pace.rounds(all(&[1000.0; 100]), &limits, 0, NONE);
         assert_eq!(few(&mut pace), 10);
         pace.note(10, 0.001);
-        assert_eq!(few(&mut pace), MOST_AT_ONCE, "the rate rises");
-        pace.note(16, 0.1);
-        assert_eq!(few(&mut pace), 3, "and falls");
+        for most in [64, 64] {
+            assert_eq!(few(&mut pace), most, "the rate rises");
+            pace.note(most as usize, 0.001);
+        }
+        pace.note(60, 0.1);
+        assert_eq!(few(&mut pace), 12, "and falls");
+        pace.begin();
+        pace.note(6, 0.001);
+        assert_eq!(few(&mut pace), 32, "another search");
         assert_eq!(pace.rounds(all(&[1e9, 1.0]), &limits, 0, NONE), 1, "one round goes in any case");
         assert_eq!(pace.rounds(all(&[1e3, 1e9, 1.0]), &limits, 0, NONE), 1);
     }

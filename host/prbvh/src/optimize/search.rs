@@ -10,12 +10,15 @@ use prbvh_kernel::prbvh::dual::search::TO_THE_ROOT;
 use prbvh_kernel::prbvh::worst::RoundParams;
 use prbvh_kernel::prbvh::worst::books::{BEGIN, RESUME};
 use prbvh_kernel::prbvh::worst::verdict::{DECIDES, JUDGES};
-use prbvh_kernel::status::{GOES_ON, NOTHING_FOUND, REPORT_WORDS, SETTLED};
+use prbvh_kernel::status::{GOES_ON, REPORT_WORDS, SETTLED};
 
 /// The search may end after so many rounds, then after so many more, and so on; after each, in the end. The first ones are short.
 const TOGETHER: [u32; 4] = [6, 4, 3, 2];
 /// A part of the nodes that is so small that the search may end after any round.
 const FEW_OF: f64 = 256.0;
+
+/// As many times the nodes of the largest small round may be wanted in one by hurry.
+const ROOM: u32 = 4;
 
 /// How a part of the run searches.
 #[derive(Clone, Copy, Debug)]
@@ -55,6 +58,11 @@ impl Schedule {
     fn new(search: &Search, growth: f64, internal: u32) -> Self {
         let Search { first: wanted, most, .. } = *search;
         Self { wanted, growth, most, internal: internal.into(), times: 0, left: 0, found_nothing: false }
+    }
+
+    /// Whether the search may end after every round from here on, whatever they find.
+    fn is_single(&self) -> bool {
+        self.left == 0 && (self.times >= TOGETHER.len() || self.internal < FEW_OF * self.wanted)
     }
 
     /// Where nothing is to be gained, soon nobody should be left.
@@ -119,8 +127,7 @@ pub(super) struct Searching {
     rule: RoundParams,
     schedule: Schedule,
     page: Option<u32>,
-    /// Those of the next submission, and before which of its commands each of them ends.
-    rounds: Vec<Round>,
+    /// Before which command of the submission each of its rounds ends.
     ends: Vec<usize>,
 }
 
@@ -160,7 +167,8 @@ impl Rounds {
     }
 
     /// A search that begins.
-    pub(super) fn begin(&self, search: Search, session: &Session<'_>, settings: &PrbvhSettings) -> Searching {
+    pub(super) fn begin(&mut self, search: Search, session: &Session<'_>, settings: &PrbvhSettings) -> Searching {
+        self.pace.begin();
         let WorstFirst { growth, patience, .. } = settings.worst_first;
         let rule = RoundParams {
             broad: (0.5 * search.most).ceil() as u32,
@@ -169,32 +177,42 @@ impl Rounds {
             ..self.params(session, settings)
         };
         let schedule = Schedule::new(&search, growth, session.internal);
-        Searching { search, rule, schedule, page: Some(BEGIN), rounds: Vec::new(), ends: Vec::new() }
+        Searching { search, rule, schedule, page: Some(BEGIN), ends: Vec::new() }
     }
 
-    /// Records the next rounds of a search.
+    /// Records the next rounds of a search, whose time begins with the command `begins`.
     pub(super) fn record(
         &mut self,
         searching: &mut Searching,
         session: &Session<'_>,
         settings: &PrbvhSettings,
         recording: &mut Recording,
+        begins: usize,
     ) {
-        let Searching { search, rule, schedule, page, rounds, ends } = searching;
-        let begins = recording.commands().len();
+        let Searching { search, rule, schedule, page, ends } = searching;
         let done = session.row().iteration;
         // A copy: only rounds that were made count.
         let planned = *schedule;
         let searched = planned.map(|round| (round.wanted, round.decides));
         let count = self.pace.rounds(searched, &settings.limits, done, session.elapsed());
-        *rounds = planned.take(count as usize).collect();
+        let rounds: Vec<Round> = planned.take(count as usize).collect();
+        let last_small = rounds.iter().rposition(|round| self.lists.is_small(round.wanted as u32));
         ends.clear();
         recording.clear("select", &session.moves.report);
-        for (k, round) in (0..).zip(rounds.iter()) {
+        for (k, round) in rounds.iter().enumerate() {
+            let room = match last_small {
+                // There is to be a look at what the rounds find, as they may be fewer until the next one.
+                _ if !round.after.is_single() => 0,
+                Some(last) if k < last => ROOM * self.lists.small(),
+                _ => u32::MAX,
+            };
             let params = RoundParams {
-                row: k * REPORT_WORDS,
-                wanted: round.wanted as u32,
-                pool: (round.next as u32).saturating_mul(POOL),
+                row: k as u32 * REPORT_WORDS,
+                wanted: parts(round.wanted),
+                next: parts(round.next),
+                most: search.most as u32,
+                pools: POOL,
+                room,
                 ..*rule
             };
             match page.take() {
@@ -226,18 +244,24 @@ impl Rounds {
     ) -> Result<Next, DeviceError> {
         let of = (&mut self.ledger, &mut self.pace);
         let made = session.note_rounds(device, start, timings, &searching.ends, of, observe)?;
-        if let Some(last) = searching.rounds[..made.rounds].last() {
-            searching.schedule = last.after;
+        for hurries in made.hurries {
+            searching.schedule.next();
+            if hurries {
+                searching.schedule.hurry();
+                searching.rule.hurried += 1;
+            }
         }
         if made.flow.is_break() {
             return Ok(Next::Cancelled);
         }
-        if made.verdict == NOTHING_FOUND {
-            searching.schedule.hurry();
-        }
         searching.page = (made.verdict != GOES_ON).then_some(RESUME);
         Ok(if made.verdict == SETTLED { Next::Settled } else { Next::GoesOn })
     }
+}
+
+/// A whole number and a fraction of 2⁻³².
+fn parts(nodes: f64) -> [u32; 2] {
+    [nodes as u32, (nodes.fract() * 4_294_967_296.0) as u32]
 }
 
 /// What the rounds of a session work on.

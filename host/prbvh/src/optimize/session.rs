@@ -9,8 +9,8 @@ use crate::build::{DeviceTree, Scratch};
 use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
 use prbvh_kernel::prbvh::worst::books::EPOCH;
 use prbvh_kernel::status::{
-    APPLIED, FAULT_BROKEN_TREE, FAULT_SEARCH_STEPS, FAULT_TREELET, FAULTS, FOUND, GOES_ON, MOST_STEPS, MU, OWNED,
-    PREDICTED, REPORT_WORDS, SEARCHED, VERDICT, VISITS,
+    APPLIED, FAULT_BROKEN_TREE, FAULT_SEARCH_STEPS, FAULT_TREELET, FAULTS, FOUND, GOES_ON, HURRY, MOST_STEPS, MU,
+    OWNED, PREDICTED, REPORT_WORDS, SEARCHED, VERDICT, VISITS,
 };
 use prbvh_kernel::sum;
 use std::ops::ControlFlow;
@@ -68,10 +68,10 @@ pub(super) fn no_fault(device: &dyn Device, faults: u32) -> Result<(), DeviceErr
 }
 
 /// What became of the rounds of a submission.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Made {
-    /// How many were made.
-    pub(super) rounds: usize,
+    /// For each that was made: whether four times as many nodes are wanted after it.
+    pub(super) hurries: Vec<bool>,
     /// Of the last one.
     pub(super) verdict: u32,
     /// Whether the observer goes on.
@@ -137,19 +137,6 @@ impl<'a> Session<'a> {
                 Ok(self.begin_with(areas, mu))
             }
         }
-    }
-
-    /// Records that the tree is refitted and measured.
-    pub(super) fn record_begin(&mut self, recording: &mut Recording) {
-        self.measure.record_refit(recording);
-        self.measure.record_areas(recording);
-    }
-
-    /// Makes row 0 of a tree that has been measured.
-    pub(super) fn begin_measured(&mut self, device: &mut dyn Device, mu: u32) -> Result<TreeAreas, DeviceError> {
-        let areas = self.measure.read_areas(device)?;
-        self.no_fault(device)?;
-        Ok(self.begin_with(areas, mu))
     }
 
     fn begin_with(&mut self, areas: TreeAreas, mu: u32) -> TreeAreas {
@@ -290,15 +277,16 @@ impl<'a> Session<'a> {
         let first = self.rows.len();
         let reports = self.read_rows(device, start, timings, ends)?;
         pace.note(reports.len(), self.elapsed_s() - start.time_s);
-        let mut verdict = GOES_ON;
+        let (mut verdict, mut hurries) = (GOES_ON, Vec::new());
         for (report, clock) in reports {
             no_fault(device, report[FAULTS])?;
+            hurries.push(report[HURRY] != 0);
             self.push_round(&report, ledger, clock);
             verdict = report[VERDICT];
         }
         // The tree is that of the last row.
         let flow = self.rows[first..].iter().try_for_each(|row| observe(row, self.tree, device));
-        Ok(Made { rounds: self.rows.len() - first, verdict, flow })
+        Ok(Made { hurries, verdict, flow })
     }
 
     /// Why there is no other iteration, if there is none.

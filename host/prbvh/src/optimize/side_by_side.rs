@@ -1,5 +1,6 @@
 //! Small trees, each optimised worst first as if alone, side by side in the same submissions.
 
+use super::beginnings::Beginning;
 use super::lists::Lists;
 use super::pace::MOST_AT_ONCE;
 use super::search::{Next, Rounds, Search, Searching};
@@ -28,16 +29,34 @@ struct One<'a> {
     rounds: Rounds,
     /// Searches that come after this one.
     left: std::vec::IntoIter<Search>,
-    searching: Option<Searching>,
+    work: Work,
+}
+
+/// What there is to do next.
+#[derive(Debug)]
+enum Work {
+    Search(Searching),
+    /// To bring back the best tree, which is not the last.
+    Restore,
+    /// Nothing: this is the best tree.
+    Done(Vec<Node>),
 }
 
 /// Optimises trees on the device, without new tops.
 pub(super) fn optimise(
     device: &mut dyn Device,
-    trees: &[DeviceTree],
+    beginnings: &[Beginning],
     settings: &PrbvhSettings,
 ) -> Result<Vec<Optimised>, DeviceError> {
-    let mut all = begin(device, trees, settings)?;
+    let trees = beginnings.iter().map(|beginning| DeviceTree::upload(device, &beginning.nodes));
+    let trees = trees.collect::<Result<Vec<_>, _>>()?;
+    let mut all = Vec::new();
+    for (tree, Beginning { areas, .. }) in trees.iter().zip(beginnings) {
+        let mut session = Session::new(device, tree, tree.references - 1, MOST_AT_ONCE)?;
+        let lists = Lists::new(device, &mut session.scratch, session.internal)?;
+        let areas = session.begin(device, Some(*areas), 1)?;
+        all.push(One::new(session, Rounds::new(lists, areas, tree.references, settings, device), settings));
+    }
     loop {
         let mut recording = Recording::new();
         let mut parts = Vec::new();
@@ -55,84 +74,83 @@ pub(super) fn optimise(
             all[k].note(device, (start, timings.get(commands).unwrap_or_default()), settings)?;
         }
     }
-
-    let mut recording = Recording::new();
-    for one in &mut all {
-        if one.rounds.is_worse(&one.session) {
-            one.session.record_restore(&mut recording);
-        }
-        let nodes = &one.session.tree.nodes;
-        recording.fetch("read top", nodes, nodes.bytes() as usize);
-    }
-    let timings = device.run(&recording)?;
-    let mut done = Vec::new();
-    for one in all {
-        let nodes = one.session.tree.download(device)?;
-        let visits = one.session.rows.iter().fold(0u32, |visits, row| visits.saturating_add(row.visits));
-        let outcome = one.session.finish(device, StopReason::Converged, 0);
-        done.push(Optimised { nodes, visits, timings: outcome.timings });
-    }
-    if let Some(first) = done.first_mut() {
-        first.timings.extend(timings);
+    let done = all.into_iter().map(|one| one.finish(device)).collect();
+    for tree in trees {
+        tree.free(device);
     }
     Ok(done)
 }
 
-/// Measures the trees.
-fn begin<'a>(
-    device: &mut dyn Device,
-    trees: &'a [DeviceTree],
-    settings: &PrbvhSettings,
-) -> Result<Vec<One<'a>>, DeviceError> {
-    let mut sessions = Vec::new();
-    let mut recording = Recording::new();
-    for tree in trees {
-        let mut session = Session::new(device, tree, tree.references - 1, MOST_AT_ONCE)?;
-        let from = recording.commands().len();
-        session.record_begin(&mut recording);
-        sessions.push((session, from..recording.commands().len()));
-    }
-    let timings = device.run(&recording)?;
-    let mut all = Vec::new();
-    for (mut session, commands) in sessions {
-        session.take_note(timings.get(commands).unwrap_or_default().to_vec());
-        let lists = Lists::new(device, &mut session.scratch, session.internal)?;
-        let areas = session.begin_measured(device, 1)?;
-        let rounds = Rounds::new(lists, areas, session.tree.references, settings, device);
+impl<'a> One<'a> {
+    fn new(session: Session<'a>, mut rounds: Rounds, settings: &PrbvhSettings) -> Self {
         let worst = Search::worst(&settings.worst_first, session.internal);
         let tail = Search::tail(&settings.worst_first, session.internal);
-        let searches: Vec<Search> = std::iter::once(worst).chain(tail).collect();
-        let mut left = searches.into_iter();
-        let searching = left.next().map(|search| rounds.begin(search, &session, settings));
-        all.push(One { session, rounds, left, searching });
+        let left = tail.into_iter().collect::<Vec<_>>().into_iter();
+        let work = Work::Search(rounds.begin(worst, &session, settings));
+        Self { session, rounds, left, work }
     }
-    Ok(all)
-}
 
-impl One<'_> {
-    /// Records the next rounds; returns whether there are any.
+    /// Records what is next; returns whether there is anything.
     fn record(&mut self, settings: &PrbvhSettings, recording: &mut Recording) -> bool {
-        if self.session.ended(&settings.limits).is_some() {
-            self.searching = None;
+        let Self { session, rounds, left, work } = self;
+        let nodes = &session.tree.nodes;
+        if matches!(work, Work::Search(_)) && session.ended(&settings.limits).is_some() {
+            *work = Work::Restore;
         }
-        let Some(searching) = &mut self.searching else { return false };
-        self.rounds.record(searching, &self.session, settings, recording);
+        match work {
+            Work::Search(searching) => {
+                let begins = recording.commands().len();
+                rounds.record(searching, session, settings, recording, begins);
+                if left.len() > 0 {
+                    return true;
+                }
+            }
+            Work::Restore if rounds.is_worse(session) => session.record_restore(recording),
+            Work::Restore => {}
+            Work::Done(_) => return false,
+        }
+        // These may be the last rounds: to bring the tree along costs less than another submission.
+        recording.fetch("read top", nodes, nodes.bytes() as usize);
         true
     }
 
-    /// Takes note of them.
+    /// Takes note of it.
     fn note(
         &mut self,
         device: &mut dyn Device,
         times: (Clock, &[Timing]),
         settings: &PrbvhSettings,
     ) -> Result<(), DeviceError> {
-        let Some(searching) = &mut self.searching else { return Ok(()) };
-        let observe = &mut |_: &_, _: &_, _: &mut dyn Device| ControlFlow::Continue(());
-        let next = self.rounds.note(searching, &mut self.session, device, times, observe)?;
-        if next != Next::GoesOn {
-            self.searching = self.left.next().map(|search| self.rounds.begin(search, &self.session, settings));
+        let Self { session, rounds, left, work } = self;
+        match work {
+            Work::Search(searching) => {
+                let observe = &mut |_: &_, _: &_, _: &mut dyn Device| ControlFlow::Continue(());
+                if rounds.note(searching, session, device, times, observe)? == Next::GoesOn {
+                    return Ok(());
+                }
+                if let Some(search) = left.next() {
+                    *work = Work::Search(rounds.begin(search, session, settings));
+                    return Ok(());
+                }
+                if rounds.is_worse(session) {
+                    *work = Work::Restore;
+                    return Ok(());
+                }
+            }
+            Work::Restore => session.take_note(times.1.to_vec()),
+            Work::Done(_) => return Ok(()),
         }
+        *work = Work::Done(session.tree.download(device)?);
         Ok(())
+    }
+
+    fn finish(self, device: &mut dyn Device) -> Optimised {
+        let visits = self.session.rows.iter().fold(0u32, |visits, row| visits.saturating_add(row.visits));
+        let outcome = self.session.finish(device, StopReason::Converged, 0);
+        let nodes = match self.work {
+            Work::Done(nodes) => nodes,
+            Work::Search(_) | Work::Restore => Vec::new(),
+        };
+        Optimised { nodes, visits, timings: outcome.timings }
     }
 }

@@ -9,7 +9,6 @@ use super::session::{Observe, Outcome, Session};
 use super::{PrbvhSettings, StopReason, TreeAreas};
 use crate::build::DeviceTree;
 use crate::device::{Device, DeviceError, Recording};
-use prbvh_kernel::prbvh::worst::RoundParams;
 use prbvh_kernel::prbvh::worst::books::BEST;
 
 /// As many times the gain that counts after new tops counts before them.
@@ -26,10 +25,14 @@ pub(super) fn run(
     let lists = Lists::new(device, &mut session.scratch, session.internal)?;
     let working_bytes = device.memory().bytes;
     let areas = session.begin(device, areas, 1)?;
-    let mut run = Run { rounds: Rounds::new(lists, areas, tree.references, settings, device), settings };
+    let rounds = Rounds::new(lists, areas, tree.references, settings, device);
+    let mut run = Run { rounds, settings, next: Recording::new() };
     let stop = run.run(&mut session, device, observe)?;
     if run.rounds.is_worse(&session) {
-        session.restore_best(device)?;
+        session.record_restore(&mut run.next);
+    }
+    if !run.next.commands().is_empty() {
+        session.submit(device, &run.next)?;
     }
     Ok(session.finish(device, stop, working_bytes))
 }
@@ -37,6 +40,8 @@ pub(super) fn run(
 struct Run<'a> {
     rounds: Rounds,
     settings: &'a PrbvhSettings,
+    /// What the next submission begins with.
+    next: Recording,
 }
 
 impl Run<'_> {
@@ -87,20 +92,19 @@ impl Run<'_> {
         if let Some(stop) = session.ended(&self.settings.limits) {
             return Ok(Some(stop));
         }
-        let mut recording = Recording::new();
+        let mut recording = std::mem::take(&mut self.next);
         if self.rounds.is_worse(session) {
             session.record_restore(&mut recording);
         }
-        let params = RoundParams { pool: nodes, ..self.rounds.params(session, self.settings) };
+        let params = self.rounds.params(session, self.settings).wanting(0, nodes);
         let renewed = new_top::renew(session, device, recording, (&self.rounds.lists, &params), self.settings)?;
-        let mut recording = Recording::new();
         if let Some(grafts) = &renewed.grafts {
-            session.record_graft(&mut recording, grafts);
+            session.record_graft(&mut self.next, grafts);
         }
-        self.rounds.lists.record_page(of(session), &mut recording, &params, BEST);
-        session.submit(device, &recording)?;
-        if let Some(grafts) = renewed.grafts {
-            device.free(grafts);
+        self.rounds.lists.record_page(of(session), &mut self.next, &params, BEST);
+        if self.settings.news.is_zero() {
+            // The observer wants the tree of the row.
+            session.submit(device, &std::mem::take(&mut self.next))?;
         }
 
         let cost = self.rounds.ledger.note_beside(renewed.decrease);
@@ -125,8 +129,8 @@ impl Run<'_> {
             if let Some(stop) = session.ended(&self.settings.limits) {
                 return Ok(Some(stop));
             }
-            let mut recording = Recording::new();
-            self.rounds.record(&mut searching, session, self.settings, &mut recording);
+            let mut recording = std::mem::take(&mut self.next);
+            self.rounds.record(&mut searching, session, self.settings, &mut recording, 0);
             let start = session.clock();
             let timings = device.run(&recording)?;
             match self.rounds.note(&mut searching, session, device, (start, &timings), observe)? {

@@ -161,6 +161,7 @@ impl Stage {
         let mut recording = Recording::new();
         let buffers = [&self.priorities, &self.scales, &self.sums];
         recording.dispatch(LABEL, Kernel::PresplitSums, count, &params, &buffers);
+        recording.fetch(LABEL, &self.sums, self.sums.bytes() as usize);
         self.timings.extend(device.run(&recording)?);
         let mut sums = vec![0u32; self.sums.length];
         device.download(&self.sums, bytemuck::cast_slice_mut(&mut sums))?;

@@ -3,6 +3,7 @@
 //! Kind: a single invocation, on one of the [pages](RoundParams::page).
 
 use super::RoundParams;
+use super::hurry;
 use super::verdict;
 use super::words::list_in_turn;
 pub use super::words::*;
@@ -67,6 +68,8 @@ pub(in crate::prbvh) fn begin(params: &RoundParams, books: &[AtomicU32], fringe:
         books[EPOCH].store(1);
     }
     run_over(books, OVER_LIST, 0);
+    run_over(books, OVER_ROUND, 1);
+    books[HURRIED].store(params.hurried);
     books[IDLE].store(0);
     books[HAS_FOUND].store(0);
     books[STOPPED].store(0);
@@ -88,6 +91,7 @@ pub(in crate::prbvh) fn begin(params: &RoundParams, books: &[AtomicU32], fringe:
 #[inline(always)]
 fn resume(params: &RoundParams, books: &[AtomicU32]) {
     books[STOPPED].store(0);
+    run_over(books, OVER_ROUND, 1);
     list_in_turn(params, books);
     let unfolds = books[UNFOLDS].load() != 0;
     let fringe = books[FRINGE_LENGTH + books[FRINGE_SIDE].load() as usize].load();
@@ -124,7 +128,7 @@ pub(in crate::prbvh) fn close(params: &RoundParams, books: &[AtomicU32], report:
     }
     let fringe = books[FRINGE_LENGTH + side as usize].load();
     let pool = books[POOL_LENGTH + books[POOL_SIDE].load() as usize].load();
-    let unfolds = fringe > 0 && pool < params.pool;
+    let unfolds = fringe > 0 && pool < hurry::pool(params, books);
     books[UNFOLDS].store(unfolds as u32);
     if unfolds && books[STAGE].load() < MOST_STAGES {
         books[STAGE].add(1);
@@ -136,5 +140,6 @@ pub(in crate::prbvh) fn close(params: &RoundParams, books: &[AtomicU32], report:
         run_over(books, OVER_POOL, 0);
         run_over(books, OVER_BOTH, 0);
         run_over(books, OVER_LIST, 0);
+        run_over(books, OVER_ROUND, 0);
     }
 }

@@ -32,6 +32,7 @@
 //! twice, locks know moves by their nodes, and sums have no order ([`crate::sum`]).
 
 pub mod books;
+pub(in crate::prbvh) mod hurry;
 pub mod keys;
 pub mod refit;
 pub mod select;
@@ -63,10 +64,18 @@ pub struct RoundParams {
     pub row: u32,
     /// Of [`books`]: which page. Of [`super::group`]: how many stages unfold, or how many rounds of locks there are.
     pub page: u32,
-    /// Nodes to search in the round.
-    pub wanted: u32,
-    /// As many nodes as should be in the pool for the next round.
-    pub pool: u32,
+    /// Nodes to search in the round, without further [`hurry`]: a whole number and a fraction of 2⁻³².
+    pub wanted: [u32; 2],
+    /// The same of the next round.
+    pub next: [u32; 2],
+    /// Most nodes of a round, whatever the hurry.
+    pub most: u32,
+    /// As many times the nodes of the next round should be in the pool for it; 0 is 1.
+    pub pools: u32,
+    /// How often there was hurry when the round was planned.
+    pub hurried: u32,
+    /// Rounds of more nodes are not planned behind this one, as far as the submission goes.
+    pub room: u32,
     /// Of the published order: every `mu`-th node is searched at first; 0 in the other.
     pub mu: u32,
     /// Of [`verdict`], [`books`] and [`super::group`]: [`JUDGES`](verdict::JUDGES) and the like.
@@ -91,6 +100,13 @@ impl RoundParams {
     #[must_use]
     pub fn places(&self) -> u32 {
         self.nodes / 2
+    }
+
+    /// The same of a round that wants so many nodes, and so many in the pool for the next one, without hurry.
+    #[must_use]
+    pub const fn wanting(self, wanted: u32, pool: u32) -> Self {
+        let most = if wanted > pool { wanted } else { pool };
+        Self { wanted: [wanted, 0], next: [pool, 0], most, pools: 1, ..self }
     }
 
     /// Whether a flag is set.

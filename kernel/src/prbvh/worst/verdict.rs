@@ -3,10 +3,11 @@
 //! Differences of sums are compared as floats: the same two roundings everywhere.
 
 use super::RoundParams;
+use super::hurry::hurry;
 use super::words::{EVERY, HAS_FOUND, IDLE, LAST_LOST, OVER_LIST, PROGRESS, ROUND, list_in_turn};
 use crate::mem::AtomicU32;
 use crate::status::{
-    AT_FAULT, AT_TARGET, FAULTS, FOUND, FRINGE, GOES_ON, MU, NOTHING_FOUND, SEARCHED, SETTLED, VERDICT, WAITING,
+    AT_FAULT, AT_TARGET, FAULTS, FOUND, FRINGE, GOES_ON, HURRY, MU, NOTHING_FOUND, SEARCHED, SETTLED, VERDICT, WAITING,
 };
 use crate::sum::Sum;
 
@@ -31,6 +32,12 @@ pub(super) fn judge(params: &RoundParams, lost: Sum, books: &[AtomicU32], report
     }
     if report[row + FAULTS].load() != 0 {
         verdict = AT_FAULT;
+    }
+    if verdict == NOTHING_FOUND {
+        report[row + HURRY].store(1);
+        if hurry(params, books) {
+            verdict = GOES_ON;
+        }
     }
     report[row + VERDICT].store(verdict);
     verdict != GOES_ON
@@ -99,7 +106,8 @@ fn note_progress(params: &RoundParams, lost: Sum, counts: f32, books: &[AtomicU3
 
 #[cfg(test)]
 mod tests {
-    use super::super::books::{self, BEGIN, BOOKS_WORDS, CLOSE, EPOCH, FIRST, LIST_LENGTH, RESUME, STOPPED};
+    use super::super::books::{self, BEGIN, BOOKS_WORDS, CLOSE, EPOCH, FIRST, HURRIED, LIST_LENGTH, RESUME, STOPPED};
+    use super::super::hurry;
     use super::*;
     use crate::status::{APPLIED, FAULT_SEARCH_STEPS, GREW, REPORT_WORDS, SHRUNK};
     use bytemuck::Zeroable;
@@ -204,7 +212,8 @@ mod tests {
 
     #[test]
     fn worst_first_says_where_nothing_was_found() {
-        let mut run = Run::new(RoundParams { broad: 5, patience: 2, settles: 0.01, ..rule() });
+        let rule = RoundParams { broad: 5, patience: 2, settles: 0.01, most: 99, ..rule().wanting(7, 9) };
+        let mut run = Run::new(rule);
         run.books[books::FRINGE_LENGTH] = 1;
         run.books[books::UNFOLDS] = 0;
         let found = |found| [(SEARCHED, 4), (WAITING, 9), (FOUND, found)];
@@ -212,9 +221,19 @@ mod tests {
         assert_eq!(run.round(0, DECIDES, &found(0)), GOES_ON, "it was, a round ago");
         assert_eq!(run.round(0, 0, &found(0)), GOES_ON);
         assert_eq!(run.round(0, DECIDES, &found(0)), NOTHING_FOUND);
+        assert_eq!((run.report[HURRY], run.books[HURRIED]), (1, 1));
         run.page(RESUME, 0);
+        run.rule.hurried = 1;
         assert_eq!(run.round(0, DECIDES, &found(1)), GOES_ON);
-        let mut run = Run::new(RoundParams { patience: 3, settles: 0.01, ..rule() });
+        assert_eq!(run.report[HURRY], 0);
+        // Rounds that are planned want more, as long as they may.
+        run.rule.room = 36;
+        assert_eq!((run.round(0, DECIDES, &found(0)), run.report[HURRY]), (GOES_ON, 1));
+        let wanted = |run: &mut Run| hurry::wanted(&run.rule, AtomicU32::from_mut_slice(&mut run.books));
+        assert_eq!(wanted(&mut run), 28);
+        assert_eq!(run.round(0, DECIDES, &found(0)), NOTHING_FOUND, "99 are too many");
+        assert_eq!((run.books[HURRIED], wanted(&mut run)), (3, 99));
+        let mut run = Run::new(RoundParams { patience: 3, settles: 0.01, ..rule });
         run.books[books::FRINGE_LENGTH] = 0;
         assert_eq!(run.round(9, DECIDES, &[]), SETTLED, "nobody is left");
     }

@@ -56,8 +56,12 @@ pub const EVERY: usize = 36;
 pub const FIRST: usize = 37;
 /// Rounds since the beginning.
 pub const ROUND: usize = 38;
+/// How often four times as many nodes were wanted from then on.
+pub const HURRIED: usize = 39;
+/// What is done once a round, as over the pool: 1, and behind the end 0.
+pub const OVER_ROUND: usize = 40;
 /// Keys in each bucket.
-pub const HISTOGRAM: usize = 40;
+pub const HISTOGRAM: usize = 44;
 /// Buckets.
 pub const BUCKETS: u32 = 256;
 /// Parts that a bucket can be cut into.

@@ -192,7 +192,9 @@ impl PhysicalDevice {
             memory_bytes: summary.heap_bytes,
             atomics_64,
             busy_invocations: busy_invocations(self.properties.device_type),
-            kernel_buffers: summary.max_per_stage_descriptor_storage_buffers,
+            kernel_buffers: summary
+                .max_per_stage_descriptor_storage_buffers
+                .min(self.properties.limits.max_descriptor_set_storage_buffers),
         }
     }
 }

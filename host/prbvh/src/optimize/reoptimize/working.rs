@@ -164,10 +164,9 @@ impl Working {
             root_area: self.root_area,
             scale: self.scale,
             row: round * REPORT_WORDS,
-            wanted,
-            pool: wanted.saturating_mul(POOL),
             ..bytemuck::Zeroable::zeroed()
         }
+        .wanting(wanted, wanted.saturating_mul(POOL))
     }
 
     /// Runs rounds that search so many nodes each; if `begins`, a new walk from the top of the tree comes before. Returns the report of each round.

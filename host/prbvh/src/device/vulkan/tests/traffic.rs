@@ -1,9 +1,11 @@
 //! How often the host speaks with a device whose memory it does not reach.
 
 use super::*;
+use crate::build::{self, DeviceTree, MortonBits};
+use crate::collapse::{CollapseSettings, collapse_sound};
 use crate::device::cpu::CpuDevice;
 use crate::device::{Command, DeviceKind};
-use crate::optimize::{Order, PrbvhSettings};
+use crate::optimize::{Order, PrbvhSettings, measure_unchecked, prbvh_unchecked};
 use crate::pipeline::{Settings, optimize};
 use crate::scene::Scene;
 use std::collections::BTreeMap;
@@ -66,7 +68,7 @@ fn many_rounds_go_in_one_submission() {
     let device = open(options(Access::Never));
     let info = DeviceInfo { kind: DeviceKind::VulkanGpu, ..Device::info(&device).clone() };
     let mut device = AsGpu(device, info, BTreeMap::new());
-    for (order, most) in [(Order::Published, 40), (Order::WorstFirst, 80)] {
+    for (order, most) in [(Order::Published, 12), (Order::WorstFirst, 24)] {
         let (expected, rows, _) = run(&mut cpu, &settings(order, HOUR));
         device.2.clear();
         let (hash, _, together) = run(&mut device, &settings(order, HOUR));
@@ -76,6 +78,90 @@ fn many_rounds_go_in_one_submission() {
         let (hash, _, alone) = run(&mut device, &settings(order, Duration::ZERO));
         assert_eq!(hash, expected, "{order}, row by row");
         assert!(alone.submissions > together.submissions + rows as u64 / 2, "{order}: {alone:?}");
+    }
+    device.0.close().unwrap();
+}
+
+/// A method by itself, from triangles or from an LBVH.
+struct Method {
+    name: &'static str,
+    /// Most submissions.
+    most: u64,
+    run: fn(&mut AsGpu, &[Triangle], &DeviceTree),
+}
+
+const METHODS: &[Method] = &[
+    Method {
+        name: "lbvh",
+        most: 2,
+        run: |device, triangles, _| {
+            let (tree, _) = build::lbvh(device, triangles, MortonBits::default()).unwrap();
+            tree.free(device);
+        },
+    },
+    Method {
+        name: "ploc",
+        most: 10,
+        run: |device, triangles, _| {
+            let (tree, _, _) = build::ploc(device, triangles, MortonBits::default(), build::DEFAULT_RADIUS).unwrap();
+            tree.free(device);
+        },
+    },
+    Method {
+        name: "hploc",
+        most: 4,
+        run: |device, triangles, _| {
+            let radius = build::DEFAULT_HPLOC_RADIUS;
+            let (tree, _) = build::hploc(device, triangles, MortonBits::default(), radius).unwrap();
+            tree.free(device);
+        },
+    },
+    #[cfg(feature = "atrbvh")]
+    Method {
+        name: "atrbvh",
+        most: 18,
+        run: |device, triangles, _| {
+            let size = build::TreeletSize::DEFAULT;
+            let (tree, _, _) = build::atrbvh(device, triangles, MortonBits::default(), size).unwrap();
+            tree.free(device);
+        },
+    },
+    Method { name: "worst first", most: 20, run: |device, _, tree| prbvh(device, tree, Order::WorstFirst) },
+    Method { name: "published order", most: 6, run: |device, _, tree| prbvh(device, tree, Order::Published) },
+    Method {
+        name: "collapse",
+        most: 8,
+        run: |device, _, tree| {
+            let collapsed = collapse_sound(device, tree, &CollapseSettings::default()).unwrap();
+            collapsed.free(device);
+        },
+    },
+];
+
+fn prbvh(device: &mut AsGpu, tree: &DeviceTree, order: Order) {
+    let (areas, _) = measure_unchecked(device, tree).unwrap();
+    let settings = settings(order, HOUR).prbvh;
+    prbvh_unchecked(device, tree, Some(areas), &settings, &mut |_, _, _| ControlFlow::Continue(())).unwrap();
+}
+
+#[test]
+fn no_method_speaks_often_with_a_gpu() {
+    if left_out("no_method_speaks_often_with_a_gpu") {
+        return;
+    }
+    let device = open(options(Access::Never));
+    let info = DeviceInfo { kind: DeviceKind::VulkanGpu, busy_invocations: 1 << 18, ..Device::info(&device).clone() };
+    let mut device = AsGpu(device, info, BTreeMap::new());
+    let triangles = scene().triangles;
+    println!("| | submissions | dispatches | KB in | KB out |");
+    for Method { name, most, run } in METHODS {
+        let (tree, _) = build::lbvh(&mut device, &triangles, MortonBits::default()).unwrap();
+        let before = device.traffic();
+        run(&mut device, &triangles, &tree);
+        let Traffic { submissions, dispatches, bytes_in, bytes_out, .. } = device.traffic().since(before);
+        println!("| {name} | {submissions} | {dispatches} | {} | {} |", bytes_in / 1000, bytes_out / 1000);
+        assert!(submissions <= *most, "{name}: {submissions} submissions");
+        tree.free(&mut device);
     }
     device.0.close().unwrap();
 }
