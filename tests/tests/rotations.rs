@@ -146,7 +146,7 @@ fn case(tree: &NaiveTree, params: &RotateParams) -> Case {
 
 /// Half area that half of the internal nodes have.
 fn median_area(tree: &NaiveTree) -> f32 {
-    let mut areas: Vec<f32> = tree.boxes[..tree.boxes.len() / 2].iter().map(Aabb::half_area).collect();
+    let mut areas: Vec<f32> = tree.boxes[..tree.boxes.len() / 2].iter().map(|aabb| aabb.half_area()).collect();
     areas.sort_unstable_by(f32::total_cmp);
     areas.get(areas.len() / 2).copied().unwrap_or_default()
 }
