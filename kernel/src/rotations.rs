@@ -56,22 +56,28 @@ pub struct RotateParams {
     pub offer: Offer,
 }
 
-/// Which nodes are offered a rotation in a refit: one pass over the tree after another need not come to all.
+/// Which nodes are offered a rotation in a refit: one pass over the tree after another need not come to all. Each level of a tree has about the same part of
+/// its cost, and the lower ones have nearly all of its nodes: who is large is worth it in every pass.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Offer {
-    /// Nodes whose number has other bits than `turn` in these places are not; 0 offers to all.
+    /// Nodes whose number has the bits of `turn` in these places are; 0 offers to all.
     pub mask: u32,
     /// Whose turn it is.
     pub turn: u32,
+    /// Nodes of at least this half area are in any case, scene units².
+    pub area: f32,
 }
 
 impl Offer {
-    /// Whether it is for node `p`.
+    /// To every node.
+    pub const TO_ALL: Self = Self { mask: 0, turn: 0, area: 0.0 };
+
+    /// Whether it is for node `p` with the box `aabb`.
     #[inline(always)]
     #[must_use]
-    pub fn is_for(self, p: u32) -> bool {
-        (p ^ self.turn) & self.mask == 0
+    pub fn is_for(self, p: u32, aabb: Aabb) -> bool {
+        (p ^ self.turn) & self.mask == 0 || aabb.half_area() >= self.area
     }
 }
 
@@ -88,8 +94,9 @@ pub fn rotate(
 ) {
     let params = *params;
     climb(i, params.count, nodes, arrivals, move |p, left, right| {
-        if !params.offer.is_for(p) {
-            unite(p, left, right, nodes);
+        let aabb = united(left, right, nodes);
+        if !params.offer.is_for(p, aabb) {
+            nodes[p as usize].set_aabb(aabb);
             return;
         }
         let family = Family::of(p, left, right, params.count - 1, nodes);
@@ -116,10 +123,10 @@ pub fn rotate(
     });
 }
 
-/// Gives `p` its box.
+/// The box around two nodes.
 #[inline(always)]
-pub(crate) fn unite(p: u32, left: u32, right: u32, nodes: &[AtomicNode]) {
-    nodes[p as usize].set_aabb(nodes[left as usize].aabb().union(nodes[right as usize].aabb()));
+pub(crate) fn united(left: u32, right: u32, nodes: &[AtomicNode]) -> Aabb {
+    nodes[left as usize].aabb().union(nodes[right as usize].aabb())
 }
 
 /// Makes the best of the rotations of `p`, if there is one, and gives it its box.

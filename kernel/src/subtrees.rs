@@ -11,7 +11,7 @@ use crate::aabb::Aabb;
 use crate::math::umin;
 use crate::mem::{AtomicU32, prefetch};
 use crate::node::{AtomicNode, Links, RIGHT, ROOT};
-use crate::rotations::{Offer, rotate_best, unite};
+use crate::rotations::{Offer, rotate_best, united};
 use crate::status::{self, FAULT_BROKEN_TREE};
 use bytemuck::{Pod, Zeroable};
 
@@ -83,10 +83,11 @@ pub fn refit(i: u32, params: &SubtreesParams, boxes: &[Aabb], nodes: &[AtomicNod
                 if rises {
                     level -= 1;
                     let left = nodes.down(v);
-                    if rotates != 0 && offer.is_for(v) {
+                    let aabb = united(left, right, nodes);
+                    if rotates != 0 && offer.is_for(v, aabb) {
                         rotate_best(v, left, right, internal, flags, nodes);
                     } else {
-                        unite(v, left, right, nodes);
+                        nodes[v as usize].set_aabb(aabb);
                     }
                 }
             }

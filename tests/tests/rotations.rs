@@ -85,12 +85,11 @@ struct Naive {
     offer: Offer,
 }
 
-/// To every node.
-const TO_ALL: Offer = Offer { mask: 0, turn: 0 };
-
 impl Naive {
     fn choice(self, tree: &NaiveTree, p: u32) -> Option<Swap> {
-        if p & self.offer.mask != self.offer.turn & self.offer.mask {
+        let area =
+            tree.children[p as usize].iter().fold(Aabb::EMPTY, |all, &v| all.union(tree.boxes[v as usize])).half_area();
+        if p & self.offer.mask != self.offer.turn & self.offer.mask && area < self.offer.area {
             return None;
         }
         let swaps = swaps(tree, p, self.cousins);
@@ -145,6 +144,13 @@ fn case(tree: &NaiveTree, params: &RotateParams) -> Case {
     case.zeros(internal.max(1)).zeros(internal.max(1)).zeros(REPORT_WORDS as usize)
 }
 
+/// Half area that half of the internal nodes have.
+fn median_area(tree: &NaiveTree) -> f32 {
+    let mut areas: Vec<f32> = tree.boxes[..tree.boxes.len() / 2].iter().map(|aabb| aabb.half_area()).collect();
+    areas.sort_unstable_by(f32::total_cmp);
+    areas.get(areas.len() / 2).copied().unwrap_or_default()
+}
+
 /// Small trees of every kind, with a random tree over each.
 fn trees() -> Vec<(&'static str, NaiveTree)> {
     let mut trees: Vec<(&'static str, NaiveTree)> = inputs()
@@ -165,11 +171,12 @@ fn a_pass_is_the_naive_one() {
     let mut made_in_all = 0;
     for (name, start) in trees() {
         let temperature = (start.internal_area() / start.boxes.len() as f64) as f32;
+        let large = median_area(&start);
         let ways = [
-            Naive { cousins: true, annealed: None, offer: TO_ALL },
-            Naive { cousins: false, annealed: None, offer: TO_ALL },
-            Naive { cousins: true, annealed: Some((temperature, key(7, 3))), offer: TO_ALL },
-            Naive { cousins: true, annealed: None, offer: Offer { mask: 1, turn: 6 } },
+            Naive { cousins: true, annealed: None, offer: Offer::TO_ALL },
+            Naive { cousins: false, annealed: None, offer: Offer::TO_ALL },
+            Naive { cousins: true, annealed: Some((temperature, key(7, 3))), offer: Offer::TO_ALL },
+            Naive { cousins: true, annealed: None, offer: Offer { mask: 1, turn: 6, area: large } },
         ];
         for naive in ways {
             let mut tree = start.clone();
@@ -206,10 +213,11 @@ fn a_pass_by_subtrees_is_the_naive_one() {
     let mut made = 0;
     for (name, start) in trees() {
         let references = start.boxes.len().div_ceil(2) as u32;
-        let all = Naive { cousins: true, annealed: None, offer: TO_ALL };
+        let all = Naive { cousins: true, annealed: None, offer: Offer::TO_ALL };
         let ways = [
             (Some(all), vec![4, 2, 0]),
-            (Some(Naive { offer: Offer { mask: 3, turn: 5 }, ..all }), vec![7, 0]),
+            (Some(Naive { offer: Offer { mask: 3, turn: 5, area: median_area(&start) }, ..all }), vec![7, 0]),
+            (Some(Naive { offer: Offer { mask: 3, turn: 6, area: f32::INFINITY }, ..all }), vec![4, 0]),
             (Some(Naive { cousins: false, ..all }), vec![0]),
             (None, vec![3, 0]),
         ];
@@ -240,7 +248,7 @@ fn a_pass_by_subtrees_is_the_naive_one() {
                     last,
                     rotates: naive.is_some().into(),
                     flags: naive.map_or(0, |naive| if naive.cousins { COUSINS } else { 0 }),
-                    offer: naive.map_or(TO_ALL, |naive| naive.offer),
+                    offer: naive.map_or(Offer::TO_ALL, |naive| naive.offer),
                 };
                 let case = Case::new(Kernel::SubtreesRefit, params.count, &params).with(&boxes).with(&nodes);
                 let result = case.zeros(REPORT_WORDS as usize).run_everywhere();
@@ -269,7 +277,7 @@ fn a_pass_by_subtrees_ends_where_links_go_round() {
 #[test]
 fn the_naive_pass_tells_a_wrong_rotation() {
     let tree = tree_of(&working(&soup(200, 0.1, 1)), 1);
-    let naive = Naive { cousins: true, annealed: None, offer: TO_ALL };
+    let naive = Naive { cousins: true, annealed: None, offer: Offer::TO_ALL };
     let mut right = tree.clone();
     assert!(naive.pass(&mut right, 0) > 50);
     // One more, and not the best: another tree, and a dearer one.

@@ -1,6 +1,6 @@
 //! Where the time of a frame goes: the device's own times by label.
 
-use prbvh::device::{Buffer, Device, DeviceError, Layer, Recording, Timing};
+use prbvh::device::{Buffer, Device, DeviceError, Fill, Layer, Recording, Timing};
 use std::collections::BTreeMap;
 use std::time::Instant;
 
@@ -39,6 +39,13 @@ impl Layer for Stages<'_> {
         let start = Instant::now();
         self.device.upload(buffer, bytes)?;
         self.add("upload", start.elapsed().as_secs_f64());
+        Ok(())
+    }
+
+    fn upload_with(&mut self, buffer: &Buffer, bytes: usize, fill: Fill<'_>) -> Result<(), DeviceError> {
+        let start = Instant::now();
+        self.device.upload_with(buffer, bytes, fill)?;
+        self.add("boxes", start.elapsed().as_secs_f64());
         Ok(())
     }
 

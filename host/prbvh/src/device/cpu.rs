@@ -1,6 +1,8 @@
 //! The kernels on the CPU, behind the same interface as a GPU.
 
-use super::{Buffer, Command, Device, DeviceError, DeviceInfo, DeviceKind, MemoryUse, Recording, Timing, Traffic};
+use super::{
+    Buffer, Command, Device, DeviceError, DeviceInfo, DeviceKind, Fill, MemoryUse, Recording, Timing, Traffic,
+};
 use prbvh_cpu_sim::{BufferId, CpuSim, Order, Pages};
 use prbvh_kernel::node::Node;
 use std::collections::HashMap;
@@ -116,6 +118,15 @@ impl Device for CpuDevice {
         Ok(())
     }
 
+    fn upload_with(&mut self, buffer: &Buffer, bytes: usize, fill: Fill<'_>) -> Result<(), DeviceError> {
+        let id = self.find_bytes(buffer, bytes)?;
+        self.traffic.bytes_in += bytes as u64;
+        let mut whole = self.sim.bytes_mut(id);
+        let written = &mut whole[..bytes];
+        self.sim.install(|| fill(&mut *written));
+        Ok(())
+    }
+
     fn download_from(&mut self, buffer: &Buffer, first: usize, bytes: &mut [u8]) -> Result<(), DeviceError> {
         let id = self.find_bytes(buffer, first.saturating_add(bytes.len()))?;
         self.traffic.bytes_out += bytes.len() as u64;
@@ -188,6 +199,8 @@ mod tests {
         assert_eq!((device.memory().bytes, other.memory().bytes), (8, 8));
         other.upload(&foreign, &[7; 8]).unwrap();
         assert_eq!(device.upload(&own, &[7; 9]).unwrap_err().to_string(), "buffer own: 9 bytes wanted, but it has 8");
+        let error = device.upload_with(&own, 12, &mut |_| panic!("there is no room")).unwrap_err();
+        assert_eq!(error.to_string(), "buffer own: 12 bytes wanted, but it has 8");
         assert!(device.download_from(&own, 5, &mut [0; 4]).is_err());
         device.free(own.clone());
         is_refused(device.upload(&own, &[7; 8]).unwrap_err(), "own");

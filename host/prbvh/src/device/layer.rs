@@ -1,6 +1,6 @@
 //! A device in front of another.
 
-use super::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing, Traffic};
+use super::{Buffer, Device, DeviceError, DeviceInfo, Fill, MemoryUse, Recording, Timing, Traffic};
 
 /// A device that passes on to another what it does not do itself. Its methods are those of [`Device`], which every layer is: import one of
 /// the two.
@@ -35,6 +35,14 @@ pub trait Layer {
     /// As there.
     fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
         self.inner_mut().upload(buffer, bytes)
+    }
+
+    /// [`Device::upload_with`].
+    ///
+    /// # Errors
+    /// As there.
+    fn upload_with(&mut self, buffer: &Buffer, bytes: usize, fill: Fill<'_>) -> Result<(), DeviceError> {
+        self.inner_mut().upload_with(buffer, bytes, fill)
     }
 
     /// [`Device::download_from`], which [`Device::download`] is, too.
@@ -86,6 +94,10 @@ impl<T: Layer> Device for T {
         Layer::upload(self, buffer, bytes)
     }
 
+    fn upload_with(&mut self, buffer: &Buffer, bytes: usize, fill: Fill<'_>) -> Result<(), DeviceError> {
+        Layer::upload_with(self, buffer, bytes, fill)
+    }
+
     fn download_from(&mut self, buffer: &Buffer, first: usize, bytes: &mut [u8]) -> Result<(), DeviceError> {
         Layer::download_from(self, buffer, first, bytes)
     }
@@ -134,6 +146,9 @@ mod tests {
         layer.upload(&buffer, &[7; 8]).unwrap();
         layer.0.download(&buffer, &mut bytes).unwrap();
         assert_eq!(bytes, [7; 8]);
+        layer.upload_with(&buffer, 4, &mut |bytes| bytes.fill(9)).unwrap();
+        layer.download(&buffer, &mut bytes).unwrap();
+        assert_eq!(bytes, [9, 9, 9, 9, 7, 7, 7, 7]);
         let mut recording = Recording::new();
         recording.clear("clear", &buffer);
         assert_eq!(layer.run(&recording).unwrap().len(), 1);

@@ -33,6 +33,9 @@ pub(crate) use watched::Watched;
 
 use crate::scene::OutOfRange;
 
+/// What writes the bytes of a buffer ([`Device::upload_with`]).
+pub type Fill<'a> = &'a mut (dyn FnMut(&mut [u8]) + Send);
+
 /// Runs recordings on buffers that it owns.
 pub trait Device {
     /// What the device is and can do.
@@ -52,6 +55,18 @@ pub trait Device {
     /// # Errors
     /// If the device fails.
     fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError>;
+
+    /// Has `fill` write the first `bytes` bytes of the buffer, a multiple of 4, on the threads that [`Device::run_on_host`] lends: without a copy of them in
+    /// between where the device is the host. What `fill` finds there means nothing; it is aligned to words. It is called once.
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn upload_with(&mut self, buffer: &Buffer, bytes: usize, fill: Fill<'_>) -> Result<(), DeviceError> {
+        let mut words = vec![0u32; bytes.div_ceil(4)];
+        let written = &mut bytemuck::cast_slice_mut(&mut words)[..bytes];
+        self.run_on_host(&mut || fill(&mut *written));
+        self.upload(buffer, written)
+    }
 
     /// Copies `bytes.len()` bytes of the buffer out, from byte `first` on.
     ///

@@ -25,7 +25,8 @@ impl<'a> Vertices<'a> {
     /// # Errors
     /// [`SceneError::Stride`] if a position would overlap the next one or end behind `bytes`.
     pub fn strided(bytes: &'a [u8], offset: usize, stride: usize, count: usize) -> Result<Self, SceneError> {
-        let end = count.checked_sub(1).map_or(Some(0), |last| last.checked_mul(stride)?.checked_add(offset + POSITION));
+        let end_of = |last: usize| last.checked_mul(stride)?.checked_add(offset)?.checked_add(POSITION);
+        let end = count.checked_sub(1).map_or(Some(0), end_of);
         if stride < POSITION || end.is_none_or(|end| end > bytes.len()) {
             return Err(SceneError::Stride { bytes: bytes.len(), offset, stride, count });
         }
@@ -156,6 +157,7 @@ mod tests {
             (without_the_last_gap, 5, 11, 4),
             (without_the_last_gap, 5, 0, 4),
             (without_the_last_gap, 5, usize::MAX, 4),
+            (without_the_last_gap, usize::MAX - 3, 19, 1),
         ] {
             let error = Vertices::strided(bytes, offset, stride, count).unwrap_err().to_string();
             assert!(error.contains(&format!("{count} positions")), "{error}");

@@ -18,7 +18,7 @@ use super::ledger::Report;
 use super::session::no_fault;
 use super::{OptimizeError, WorstFirst};
 use crate::build::DeviceTree;
-use crate::bvh::{Bvh, links_and_leaves};
+use crate::bvh::{Bvh, Content, links_and_leaves};
 use crate::device::{Device, Held, Lease, on_host};
 use crate::references::References;
 use crate::scene::{SafeRange, stand_in};
@@ -76,10 +76,6 @@ pub struct Reoptimizer<'d> {
     device: Held<'d>,
     working: Working,
     settings: WorstFirst,
-    /// Of the last frame.
-    boxes: Vec<Aabb>,
-    /// Room for those of the next one, which may be refused.
-    next: Vec<Aabb>,
     /// Whether refits rotate.
     rotates: bool,
     /// Whether the next round begins at the top.
@@ -115,8 +111,6 @@ impl<'d> Reoptimizer<'d> {
             device,
             working,
             settings: WorstFirst::default(),
-            next: boxes.clone(),
-            boxes,
             rotates: true,
             begins: true,
             frames: 0,
@@ -149,15 +143,16 @@ impl<'d> Reoptimizer<'d> {
     /// others before anything else. If the device fails.
     pub fn refit<'a>(&mut self, shapes: impl Into<Shapes<'a>>) -> Result<(), ReoptimizeError> {
         let shapes = shapes.into();
-        let (have, need) = (shapes.len(), self.boxes.len());
+        let (have, need) = (shapes.len(), self.primitives() as usize);
         if have != need {
             return Err(ReoptimizeError::Count { have, need });
         }
-        read(self.device.get(), shapes, &mut self.next)?;
-        std::mem::swap(&mut self.boxes, &mut self.next);
+        // Leaves keep their boxes until the refit.
+        let are_good = self.working.take(self.device.get(), shapes)?;
+        are_finite(shapes, are_good)?;
         self.frames += 1;
         self.begins |= self.frames >= FRAMES_OF_A_WALK;
-        let root = self.working.refit(self.device.get(), &self.boxes, self.rotates)?;
+        let root = self.working.refit(self.device.get(), self.rotates)?;
         Ok(SafeRange::check(&root)?)
     }
 
@@ -261,11 +256,12 @@ impl<'d> Reoptimizer<'d> {
         let shapes = shapes.into();
         let mut more = vec![Aabb::EMPTY; shapes.len()];
         read(self.device.get(), shapes, &mut more)?;
-        let mut edited = Edited::new(self.tree()?);
-        more.iter().for_each(|&aabb| edited.insert(aabb));
+        let tree = self.tree()?;
         let first = self.primitives();
-        let boxes = [&self.boxes[..], &more[..]].concat();
-        self.replace(&edited.finish(), boxes)?;
+        let boxes = [&boxes_of(&tree), &more[..]].concat();
+        let mut edited = Edited::new(tree);
+        more.iter().for_each(|&aabb| edited.insert(aabb));
+        self.replace(&edited.finish(), &boxes)?;
         Ok(first..self.primitives())
     }
 
@@ -275,7 +271,7 @@ impl<'d> Reoptimizer<'d> {
     /// # Errors
     /// If one is not there, none would stay, or the device fails; the tree is then as it was.
     pub fn remove(&mut self, primitives: &[u32]) -> Result<(), ReoptimizeError> {
-        let mut is_out = vec![false; self.boxes.len()];
+        let mut is_out = vec![false; self.primitives() as usize];
         for &primitive in primitives {
             let unknown = ReoptimizeError::Remove { primitive, primitives: is_out.len() };
             *is_out.get_mut(primitive as usize).ok_or(unknown)? = true;
@@ -283,20 +279,20 @@ impl<'d> Reoptimizer<'d> {
         if let (true, Some(&primitive)) = (is_out.iter().all(|&is_out| is_out), primitives.last()) {
             return Err(ReoptimizeError::Remove { primitive, primitives: is_out.len() });
         }
-        let mut edited = Edited::new(self.tree()?);
+        let tree = self.tree()?;
+        let boxes = boxes_of(&tree);
+        let stay = boxes.iter().zip(&is_out).filter(|(_, is_out)| !**is_out);
+        let boxes: Vec<Aabb> = stay.map(|(aabb, _)| *aabb).collect();
+        let mut edited = Edited::new(tree);
         edited.remove(&is_out);
-        let stay = self.boxes.iter().zip(&is_out).filter(|(_, is_out)| !**is_out);
-        let boxes = stay.map(|(aabb, _)| *aabb).collect();
-        self.replace(&edited.finish(), boxes)
+        self.replace(&edited.finish(), &boxes)
     }
 
     /// Another tree in place of this one.
-    fn replace(&mut self, tree: &Bvh, boxes: Vec<Aabb>) -> Result<(), ReoptimizeError> {
+    fn replace(&mut self, tree: &Bvh, boxes: &[Aabb]) -> Result<(), ReoptimizeError> {
         let device = self.device.get();
-        let working = on_device(device, tree, &boxes)?;
+        let working = on_device(device, tree, boxes)?;
         std::mem::replace(&mut self.working, working).free(device);
-        self.next.clone_from(&boxes);
-        self.boxes = boxes;
         self.begins = true;
         Ok(())
     }
@@ -311,19 +307,36 @@ impl Drop for Reoptimizer<'_> {
 
 /// Takes the boxes of the shapes, if these are all finite.
 fn read(device: &dyn Device, shapes: Shapes<'_>, boxes: &mut [Aabb]) -> Result<(), ReoptimizeError> {
-    if on_host(device, || shapes.write(boxes)) {
+    are_finite(shapes, on_host(device, || shapes.write(boxes)))
+}
+
+/// What is wrong with shapes that are no good.
+fn are_finite(shapes: Shapes<'_>, are_good: bool) -> Result<(), ReoptimizeError> {
+    if are_good {
         return Ok(());
     }
     // Finite after all, but so large that they are out of range.
     shapes.fault().map_or(Ok(()), |fault| Err(fault.into()))
 }
 
+/// Boxes of the primitives of a tree of one per leaf.
+fn boxes_of(tree: &Bvh) -> Vec<Aabb> {
+    let mut boxes = vec![Aabb::EMPTY; tree.triangle_order.len()];
+    for node in &tree.nodes {
+        if let Content::Leaf { first, .. } = node.content {
+            boxes[tree.triangle_order[first as usize] as usize] = node.aabb;
+        }
+    }
+    boxes
+}
+
 /// A tree of one primitive per leaf with all that frames need.
 fn on_device(device: &mut dyn Device, tree: &Bvh, boxes: &[Aabb]) -> Result<Working, ReoptimizeError> {
     let nodes = tree.to_device()?;
     let lease = &mut Lease::new(device);
-    let mut working = Working::new(lease, &nodes, boxes, ROUNDS)?;
-    let root = working.refit(lease, boxes, false)?;
+    let mut working = Working::new(lease, &nodes, ROUNDS)?;
+    working.take(lease, boxes.into())?;
+    let root = working.refit(lease, false)?;
     SafeRange::check(&root)?;
     lease.keep();
     Ok(working)

@@ -27,24 +27,16 @@ impl Shapes<'_> {
 
     /// Writes the boxes; false if one is not finite or inverted.
     pub(super) fn write(&self, boxes: &mut [Aabb]) -> bool {
-        let is_good =
-            |aabb: &Aabb| (0..3).all(|k| aabb.min[k] <= aabb.max[k] && aabb.max[k] - aabb.min[k] < f32::INFINITY);
         match self {
-            Self::Triangles(triangles) => {
-                let write = |(to, t): (&mut Aabb, &Triangle)| {
-                    *to = t.aabb();
-                    // A sum of finite numbers that is none is far out of the range anyway.
-                    t.a.iter().chain(&t.b).chain(&t.c).map(|x| x.abs()).sum::<f32>() < f32::INFINITY
-                };
-                boxes.par_iter_mut().zip(*triangles).with_min_len(AT_ONCE).map(write).reduce(|| true, |a, b| a && b)
-            }
-            Self::Boxes(from) => {
-                let write = |(to, from): (&mut Aabb, &Aabb)| {
-                    *to = *from;
-                    is_good(from)
-                };
-                boxes.par_iter_mut().zip(*from).with_min_len(AT_ONCE).map(write).reduce(|| true, |a, b| a && b)
-            }
+            Self::Triangles(triangles) => write_all(boxes, triangles, |t| {
+                // A sum of finite numbers that is none is far out of the range anyway.
+                let sum: f32 = t.a.iter().chain(&t.b).chain(&t.c).map(|x| x.abs()).sum();
+                (t.aabb(), sum < f32::INFINITY)
+            }),
+            Self::Boxes(from) => write_all(boxes, from, |aabb| {
+                let is_good = |k: usize| aabb.min[k] <= aabb.max[k] && aabb.max[k] - aabb.min[k] < f32::INFINITY;
+                (*aabb, (0..3).all(is_good))
+            }),
         }
     }
 
@@ -55,6 +47,16 @@ impl Shapes<'_> {
             Self::Boxes(boxes) => Scene::from_boxes("frame", boxes).err(),
         }
     }
+}
+
+/// Writes the box of each; false if one is no good.
+fn write_all<T: Sync>(boxes: &mut [Aabb], from: &[T], of: impl Fn(&T) -> (Aabb, bool) + Sync) -> bool {
+    let write = |(to, from): (&mut Aabb, &T)| {
+        let (aabb, is_good) = of(from);
+        *to = aabb;
+        is_good
+    };
+    boxes.par_iter_mut().zip(from).with_min_len(AT_ONCE).map(write).reduce(|| true, |a, b| a && b)
 }
 
 impl<'a> From<&'a [Triangle]> for Shapes<'a> {

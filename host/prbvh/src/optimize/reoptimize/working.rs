@@ -2,10 +2,11 @@
 
 use super::super::areas::Measure;
 use super::super::ledger::Report;
-use super::super::lists::{FIRST_STAGES, Lists, Of, POOL, Trial};
+use super::super::lists::{FIRST_STAGES, Lists, Of, Trial};
 use super::super::moves::Moves;
 use super::super::rotations::record_rotations;
 use super::super::{TreeAreas, WorstFirst};
+use super::Shapes;
 use crate::build::{DeviceTree, Scratch};
 use crate::device::{Buffer, Device, DeviceError, DeviceKind, Recording};
 use prbvh_kernel::Kernel;
@@ -20,7 +21,12 @@ use prbvh_kernel::subtrees::{SubtreesParams, TO_LEAVES};
 use prbvh_kernel::sum::scale_of;
 
 /// One in so many nodes is offered a rotation in a frame, in turn; a power of two.
-const OFFERED: u32 = 2;
+const OFFERED: u32 = 8;
+/// Nodes of at least this part of the root's area, as it was in the last frame, are in every frame.
+const ALWAYS_OFFERED: f32 = 1.0 / 1024.0;
+/// As many times the nodes of a round should be in the pool. A frame has small rounds, in which one thread looks at the keys: with more they take as long as the
+/// searches.
+const POOL: u32 = 4;
 /// Leaves of a subtree that is worth an invocation, where there are few threads.
 const LEAVES_OF_A_SUBTREE: u32 = 64;
 /// Most levels above these subtrees.
@@ -48,13 +54,8 @@ pub(super) struct Working {
 }
 
 impl Working {
-    /// Puts a tree on the device, with room for so many rounds at once. `boxes` are those of the primitives.
-    pub(super) fn new(
-        device: &mut dyn Device,
-        nodes: &[Node],
-        boxes: &[Aabb],
-        rounds: u32,
-    ) -> Result<Self, DeviceError> {
+    /// Puts a tree on the device, with room for so many rounds at once.
+    pub(super) fn new(device: &mut dyn Device, nodes: &[Node], rounds: u32) -> Result<Self, DeviceError> {
         let tree = DeviceTree::upload(device, nodes)?;
         let mut scratch = Scratch::default();
         let internal = tree.references - 1;
@@ -62,11 +63,12 @@ impl Working {
         let measure = Measure::new(device, &mut scratch, &tree, &moves.report)?;
         let lists = Lists::new(device, &mut scratch, internal)?;
         let is_cpu = device.info().kind == DeviceKind::Cpu;
-        let mut buffer = |label, length, element_bytes| scratch.allocate(&mut *device, label, length, element_bytes);
+        let length = tree.references as usize;
+        let mut buffer = |label, element_bytes| scratch.allocate(&mut *device, label, length, element_bytes);
         let working = Self {
             lists,
-            boxes: buffer("boxes", boxes.len(), size_of::<Aabb>())?,
-            order: buffer("order", boxes.len(), 4)?,
+            boxes: buffer("boxes", size_of::<Aabb>())?,
+            order: buffer("order", 4)?,
             tree,
             scratch,
             moves,
@@ -85,14 +87,18 @@ impl Working {
         self.tree.references - 1
     }
 
-    /// Takes other boxes of the primitives, and rotates on the way up if `rotates`; returns the root's.
-    pub(super) fn refit(
-        &mut self,
-        device: &mut dyn Device,
-        boxes: &[Aabb],
-        rotates: bool,
-    ) -> Result<Aabb, DeviceError> {
-        device.upload(&self.boxes, bytemuck::cast_slice(boxes))?;
+    /// Takes the boxes of other shapes, which the next refit gives the leaves; false if one of these is not finite or inverted.
+    pub(super) fn take(&self, device: &mut dyn Device, shapes: Shapes<'_>) -> Result<bool, DeviceError> {
+        let mut are_good = true;
+        let bytes = self.boxes.bytes() as usize;
+        device.upload_with(&self.boxes, bytes, &mut |boxes| {
+            are_good = shapes.write(bytemuck::cast_slice_mut(boxes));
+        })?;
+        Ok(are_good)
+    }
+
+    /// Makes all boxes anew, and rotates on the way up if `rotates`; returns the root's.
+    pub(super) fn refit(&mut self, device: &mut dyn Device, rotates: bool) -> Result<Aabb, DeviceError> {
         let mut recording = Recording::new();
         self.turn = self.turn.wrapping_add(1);
         if self.by_subtrees {
@@ -112,7 +118,7 @@ impl Working {
 
     /// Who is offered a rotation in this frame.
     fn offer(&self) -> Offer {
-        Offer { mask: OFFERED - 1, turn: self.turn }
+        Offer { mask: OFFERED - 1, turn: self.turn, area: self.root_area * ALWAYS_OFFERED }
     }
 
     /// Records a refit by whole subtrees, from the bottom ones up to that of the root.
