@@ -125,7 +125,7 @@ pub struct PrbvhSettings {
     /// cycle for ever.
     pub patience: u32,
     /// Iterations run on the device without a word from the host for about this long. 0: each by itself, so that an observer finds the tree of its row;
-    /// else it finds that of the last. Has no influence on the tree.
+    /// else it finds that of another one. Has no influence on the tree.
     #[cfg_attr(feature = "serde", serde(skip))]
     pub news: Duration,
 }

@@ -216,6 +216,8 @@ mod tests {
         let mut run = Run::new(rule);
         run.books[books::FRINGE_LENGTH] = 1;
         run.books[books::UNFOLDS] = 0;
+        // Enough for every round.
+        run.books[books::POOL_LENGTH] = 1000;
         let found = |found| [(SEARCHED, 4), (WAITING, 9), (FOUND, found)];
         assert_eq!(run.round(0, 0, &found(1)), GOES_ON);
         assert_eq!(run.round(0, DECIDES, &found(0)), GOES_ON, "it was, a round ago");
