@@ -28,7 +28,14 @@ pub(crate) fn sweep_until(triangles: &[Triangle], stop: Option<&Stop>) -> Option
     let split = in_range(triangles);
     let boxes: Vec<Aabb> = split.par_iter().map(Triangle::aabb).collect();
     let is_left: Vec<AtomicBool> = boxes.iter().map(|_| AtomicBool::new(false)).collect();
-    let mut orders = [0, 1, 2].map(|axis| sorted(&boxes, axis));
+    let mut orders = [const { Vec::new() }; 3];
+    for (axis, order) in orders.iter_mut().enumerate() {
+        // Of a large scene each of them takes longer than somebody who asks for an end should wait.
+        if stop.is_some_and(Stop::is_asked) {
+            return None;
+        }
+        *order = sorted(&boxes, axis);
+    }
     let mut scratch = [0, 1, 2].map(|_| vec![0u32; boxes.len()]);
     let [x, y, z] = &mut orders;
     let [a, b, c] = &mut scratch;
