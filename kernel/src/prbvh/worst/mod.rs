@@ -64,7 +64,7 @@ pub struct RoundParams {
     pub row: u32,
     /// Of [`books`]: which page. Of [`super::group`]: how many stages unfold, or how many rounds of locks there are.
     pub page: u32,
-    /// Nodes to search in the round, without further [`hurry`]: a whole number and a fraction of 2⁻³².
+    /// Nodes to search in the round, without further hurry: a whole number and a fraction of 2⁻³².
     pub wanted: [u32; 2],
     /// The same of the next round.
     pub next: [u32; 2],
