@@ -158,18 +158,27 @@ impl Walk {
         let triangle = &triangles[(self.current & !LEAF) as usize];
         self.hit.triangle_tests += 1;
         let t = triangle.hit(prepared, self.hit.t);
-        let hits = t < f32::INFINITY;
-        if hits && (t < self.hit.t || triangle.id < self.hit.triangle) {
-            self.hit.t = t;
-            self.hit.triangle = triangle.id;
-        }
         self.current += 1;
-        if hits && params.any != 0 {
-            self.hit.triangle = SOME_TRIANGLE;
+        if self.meets(params, t, triangle.id) {
             self.depth = 0;
             return true;
         }
         triangle.is_last != 0
+    }
+
+    /// Takes note of a triangle that is hit at `t`, if it is: infinity if not. Whether that is all that an any-hit ray asks.
+    #[inline(always)]
+    fn meets(&mut self, params: &TraceParams, t: f32, triangle: u32) -> bool {
+        let hits = t < f32::INFINITY;
+        if hits && (t < self.hit.t || triangle < self.hit.triangle) {
+            self.hit.t = t;
+            self.hit.triangle = triangle;
+        }
+        let ends = hits && params.any != 0;
+        if ends {
+            self.hit.triangle = SOME_TRIANGLE;
+        }
+        ends
     }
 }
 

@@ -27,8 +27,8 @@ pub(super) struct Optimised {
 struct One<'a> {
     session: Session<'a>,
     rounds: Rounds,
-    /// Searches that come after this one.
-    left: std::vec::IntoIter<Search>,
+    /// A search that comes after this one.
+    tail: Option<Search>,
     work: Work,
 }
 
@@ -85,14 +85,13 @@ impl<'a> One<'a> {
     fn new(session: Session<'a>, mut rounds: Rounds, settings: &PrbvhSettings) -> Self {
         let worst = Search::worst(&settings.worst_first, session.internal);
         let tail = Search::tail(&settings.worst_first, session.internal);
-        let left = tail.into_iter().collect::<Vec<_>>().into_iter();
         let work = Work::Search(rounds.begin(worst, &session, settings));
-        Self { session, rounds, left, work }
+        Self { session, rounds, tail, work }
     }
 
     /// Records what is next; returns whether there is anything.
     fn record(&mut self, settings: &PrbvhSettings, recording: &mut Recording) -> bool {
-        let Self { session, rounds, left, work } = self;
+        let Self { session, rounds, tail, work } = self;
         let nodes = &session.tree.nodes;
         if matches!(work, Work::Search(_)) && session.ended(&settings.limits).is_some() {
             *work = Work::Restore;
@@ -101,7 +100,7 @@ impl<'a> One<'a> {
             Work::Search(searching) => {
                 let begins = recording.commands().len();
                 rounds.record(searching, session, settings, recording, begins);
-                if left.len() > 0 {
+                if tail.is_some() {
                     return true;
                 }
             }
@@ -121,14 +120,14 @@ impl<'a> One<'a> {
         times: (Clock, &[Timing]),
         settings: &PrbvhSettings,
     ) -> Result<(), DeviceError> {
-        let Self { session, rounds, left, work } = self;
+        let Self { session, rounds, tail, work } = self;
         match work {
             Work::Search(searching) => {
                 let observe = &mut |_: &_, _: &_, _: &mut dyn Device| ControlFlow::Continue(());
                 if rounds.note(searching, session, device, times, observe)? == Next::GoesOn {
                     return Ok(());
                 }
-                if let Some(search) = left.next() {
+                if let Some(search) = tail.take() {
                     *work = Work::Search(rounds.begin(search, session, settings));
                     return Ok(());
                 }

@@ -19,14 +19,17 @@ mod tests;
 
 pub use cwbvh::CwbvhNode;
 #[cfg(not(target_arch = "spirv"))]
-pub use native::{NodesAtOnce, trace_wide};
+pub use native::NodesAtOnce;
 pub use soa::{Bvh4Node, Bvh8Node};
 
 use super::stack::Stack;
 use super::{DONE, LEAF, Nodes, STEPS, TraceParams, TraceTriangle, Walk};
-use crate::ray::{NO_TRIANGLE, Prepared, Ray, SOME_TRIANGLE};
+use crate::mem::Slot;
+use crate::ray::{Hit, NO_TRIANGLE, Prepared, Ray, SOME_TRIANGLE};
+#[cfg(not(target_arch = "spirv"))]
+use native::{NodesAtOnce as NodesAlone, walk_alone};
 #[cfg(target_arch = "spirv")]
-use {super::stack::LocalStack, super::trace, crate::mem::Slot, crate::ray::Hit};
+use {super::Nodes as NodesAlone, super::stack::LocalStack};
 
 /// A slot of a node without a child.
 pub const NO_CHILD: u32 = u32::MAX;
@@ -133,9 +136,8 @@ fn walk_wide<N: WideNodes + ?Sized, S: Stack>(
 }
 
 /// Invocation `i` traces ray `first + i` with a stack of its own.
-#[cfg(target_arch = "spirv")]
 #[inline(always)]
-pub fn trace_wide<N: Nodes + ?Sized>(
+pub fn trace_wide<N: NodesAlone + ?Sized>(
     i: u32,
     params: &TraceParams,
     nodes: &N,
@@ -143,7 +145,15 @@ pub fn trace_wide<N: Nodes + ?Sized>(
     rays: &[Ray],
     hits: &[Slot<Hit>],
 ) {
-    trace(i, params, nodes, triangles, rays, hits, &mut LocalStack::<LOCAL_WORDS>::new());
+    let k = (params.first + i) as usize;
+    hits[k].set(walk_alone(params, &rays[k], nodes, triangles).result(params));
+}
+
+/// A walk of its own; natively it is another one.
+#[cfg(target_arch = "spirv")]
+#[inline(always)]
+fn walk_alone<N: Nodes + ?Sized>(params: &TraceParams, ray: &Ray, nodes: &N, triangles: &[TraceTriangle]) -> Walk {
+    nodes.walk(params, ray, triangles, &mut LocalStack::<LOCAL_WORDS>::new(), Walk::start(params, ray))
 }
 
 macro_rules! nodes {

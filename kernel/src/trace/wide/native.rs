@@ -5,8 +5,7 @@
 //! being sorted; triangles of a leaf are tested four at once.
 
 use super::{LOCAL_LEVELS, WideNodes, octant};
-use crate::mem::Slot;
-use crate::ray::{Hit, Prepared, Ray, SOME_TRIANGLE};
+use crate::ray::{Prepared, Ray};
 use crate::trace::{DONE, LEAF, STEPS, TraceParams, TraceTriangle, Walk};
 use arrayvec::ArrayVec;
 use fearless_simd::{Level, Simd};
@@ -34,18 +33,15 @@ pub trait NodesAtOnce: WideNodes {
     fn triangles(&self, node: u32, slot: u32) -> u32;
 }
 
-/// Invocation `i` traces ray `first + i`, with the vectors that the processor has.
+/// A walk with the vectors that the processor has.
 #[inline(always)]
-pub fn trace_wide<N: NodesAtOnce + ?Sized>(
-    i: u32,
+pub(super) fn walk_alone<N: NodesAtOnce + ?Sized>(
     params: &TraceParams,
+    ray: &Ray,
     nodes: &N,
     triangles: &[TraceTriangle],
-    rays: &[Ray],
-    hits: &[Slot<Hit>],
-) {
-    let k = (params.first + i) as usize;
-    hits[k].set(walk_on(Level::new(), params, &rays[k], nodes, triangles).result(params));
+) -> Walk {
+    walk_on(Level::new(), params, ray, nodes, triangles)
 }
 
 /// A walk with the vectors of a level; on an x86-64 those of AVX2 or of SSE2.
@@ -168,16 +164,6 @@ impl Walk {
     /// Tests a triangle; whether an any-hit ray is at its end.
     #[inline(always)]
     fn hits(&mut self, params: &TraceParams, prepared: &Prepared, triangle: &TraceTriangle) -> bool {
-        let t = prepared.hits(triangle.corners(), self.hit.t);
-        let hits = t < f32::INFINITY;
-        if hits && (t < self.hit.t || triangle.id < self.hit.triangle) {
-            self.hit.t = t;
-            self.hit.triangle = triangle.id;
-        }
-        let ends = hits && params.any != 0;
-        if ends {
-            self.hit.triangle = SOME_TRIANGLE;
-        }
-        ends
+        self.meets(params, prepared.hits(triangle.corners(), self.hit.t), triangle.id)
     }
 }

@@ -116,7 +116,7 @@ macro_rules! soa {
                     let found = dispatch!(level, simd => at_once(simd, &nodes[..], &ray));
                     assert_eq!(found, expected, "{level:?}, {ray:?}, {node:?}");
                 }
-                                several += u32::from(expected.len() > 1);
+                several += u32::from(expected.len() > 1);
             }
             assert!(several > rounds / 20, "{several}");
         }
