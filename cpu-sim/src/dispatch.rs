@@ -20,6 +20,7 @@ pub enum Order {
 #[derive(Debug)]
 pub(crate) struct Executor {
     order: Order,
+    /// None for that from which work comes.
     pool: Option<Arc<rayon::ThreadPool>>,
 }
 
@@ -36,7 +37,7 @@ impl Executor {
         Self { order: Order::Parallel, pool: Some(pool) }
     }
 
-    pub(crate) fn on_this_thread() -> Self {
+    pub(crate) fn in_this_pool() -> Self {
         Self { order: Order::Parallel, pool: None }
     }
 
@@ -48,20 +49,20 @@ impl Executor {
     }
 
     pub(crate) fn threads(&self) -> usize {
-        self.pool.as_ref().map_or(1, |pool| pool.current_num_threads())
+        if self.order == Order::Parallel { self.install(rayon::current_num_threads) } else { 1 }
     }
 }
 
 impl Dispatcher for Executor {
     fn for_each(&self, count: u32, grain: u32, invocation: impl Fn(u32) + Sync + Send) {
-        match (&self.order, &self.pool) {
-            (Order::Descending, _) => (0..count).rev().for_each(invocation),
-            (Order::Shuffled(seed), _) => shuffled(count, *seed).into_iter().for_each(invocation),
-            (Order::Parallel, Some(pool)) if count >= 2 * grain => {
+        match self.order {
+            Order::Descending => (0..count).rev().for_each(invocation),
+            Order::Shuffled(seed) => shuffled(count, seed).into_iter().for_each(invocation),
+            Order::Parallel if count >= 2 * grain => {
                 let invocations = (0..count).into_par_iter().with_min_len(grain as usize);
-                pool.install(|| invocations.for_each(invocation));
+                self.install(|| invocations.for_each(invocation));
             }
-            (Order::Ascending | Order::Parallel, _) => (0..count).for_each(invocation),
+            Order::Ascending | Order::Parallel => (0..count).for_each(invocation),
         }
     }
 

@@ -57,10 +57,10 @@ impl CpuSim {
         Self { arena: Arena::default(), executor: Arc::new(Executor::in_pool(pool)) }
     }
 
-    /// A CPU without buffers that runs all on the thread that asks it to.
+    /// A CPU without buffers that runs [`Order::Parallel`] on the threads of whatever pool it is asked from.
     #[must_use]
-    pub fn on_this_thread() -> Self {
-        Self { arena: Arena::default(), executor: Arc::new(Executor::on_this_thread()) }
+    pub fn in_this_pool() -> Self {
+        Self { arena: Arena::default(), executor: Arc::new(Executor::in_this_pool()) }
     }
 
     /// Threads that dispatches use.

@@ -44,9 +44,9 @@ impl CpuDevice {
         Self::over(CpuSim::in_pool(pool))
     }
 
-    /// A device for small work that runs on the thread that asks for it.
-    pub(crate) fn on_this_thread() -> Self {
-        Self::over(CpuSim::on_this_thread())
+    /// A device on the threads of the pool from which it is asked.
+    pub(crate) fn in_this_pool() -> Self {
+        Self::over(CpuSim::in_this_pool())
     }
 
     fn over(sim: CpuSim) -> Self {

@@ -52,7 +52,6 @@ pub(crate) fn later_kernels(info: &DeviceInfo, internal: u32, settings: &WorstFi
     }
     if !settings.tops(internal).is_empty() {
         kernels.extend(TOPS);
-        kernels.extend(ends_alone(info).then_some(Kernel::WorstTail));
     }
     kernels
 }

@@ -2,8 +2,8 @@
 //! RBVH's moves.
 
 mod areas;
-mod beginnings;
 mod check;
+mod contenders;
 mod current;
 mod error;
 mod insertion;
@@ -19,10 +19,10 @@ mod rbvh;
 mod reoptimize;
 mod rotations;
 mod row;
+mod run;
 mod schedule;
 mod search;
 mod session;
-mod side_by_side;
 mod worst_first;
 #[cfg(feature = "serde")]
 mod written;

@@ -2,16 +2,15 @@
 //!
 //! Where reinsertions end is a minimum of theirs, and which one is decided by a few nodes near the root. These are few: the *top* is the nodes of more
 //! than a given area, and what hangs below counts as its leaves. Over those other trees are built and optimised, as if each leaf were a triangle with the same
-//! box, which takes some milliseconds whatever the size of the scene. The best of several such tops replaces the old one if it has less area.
+//! box, which takes some hundredths of a second whatever the size of the scene. The best of several such tops replaces the old one if it has less area.
 
-use super::beginnings::beginnings;
+use super::contenders::{Contender, contenders};
 use super::lists::{Lists, top_buffer};
 use super::search::of;
 use super::session::Session;
-use super::side_by_side::{self, Optimised};
-use super::{Limits, PrbvhSettings, WorstFirst};
+use super::{Limits, PrbvhSettings};
 use crate::build::Scratch;
-use crate::device::{Buffer, Device, DeviceError, Recording};
+use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
 use crate::scene::stand_in;
 use bytemuck::Zeroable;
 use prbvh_kernel::kept::Graft;
@@ -20,6 +19,7 @@ use prbvh_kernel::prbvh::worst::RoundParams;
 use prbvh_kernel::prbvh::worst::books::{LIST_LENGTH, MOST_STAGES};
 use prbvh_kernel::prbvh::worst::top::TopNode;
 use prbvh_kernel::setup::Triangle;
+use std::time::Instant;
 
 /// As many times the nodes that a top should have there is room for on the first look: the last stage that unfolds may bring more than were missing.
 const ROOM: u32 = 4;
@@ -50,14 +50,15 @@ pub(super) fn renew(
     }
     // The first of equally good ones.
     let mut best = (top.area * (1.0 - settings.worst_first.settles), None);
-    for done in top.optimised(session, device, settings)? {
-        renewed.visits = renewed.visits.saturating_add(done.visits);
-        session.take_note(done.timings);
-        let area = area(&done.nodes[..done.nodes.len() / 2]);
+    let start = Instant::now();
+    for Contender { nodes, visits } in top.contenders(session, device, settings)? {
+        renewed.visits = renewed.visits.saturating_add(visits);
+        let area = area(&nodes[..nodes.len() / 2]);
         if area < best.0 {
-            best = (area, Some(done.nodes));
+            best = (area, Some(nodes));
         }
     }
+    session.take_note_of_host(device.info().kind, Timing { label: "new top", seconds: start.elapsed().as_secs_f64() });
     if let (area, Some(nodes)) = best {
         let grafts = top.grafts(&nodes);
         let buffer = session.scratch.allocate(device, "grafts", grafts.len(), size_of::<Graft>())?;
@@ -125,24 +126,23 @@ impl Top {
     }
 
     /// Other tops over the same leaves, as trees of their own.
-    fn optimised(
+    fn contenders(
         &self,
         session: &Session<'_>,
-        device: &mut dyn Device,
+        device: &dyn Device,
         settings: &PrbvhSettings,
-    ) -> Result<Vec<Optimised>, DeviceError> {
-        let beginnings = beginnings(device, &self.triangles)?;
+    ) -> Result<[Contender; 2], DeviceError> {
         let max_time = settings.limits.max_time.map(|limit| limit.saturating_sub(session.elapsed()));
         let settings = PrbvhSettings {
-            worst_first: WorstFirst { top: 0, ..settings.worst_first },
+            worst_first: settings.worst_first,
             limits: Limits {
                 max_time,
                 stop: settings.limits.stop.clone(),
                 ..Limits::iterations(settings.limits.max_iterations)
             },
-            ..settings.clone()
+            ..PrbvhSettings::default()
         };
-        side_by_side::optimise(device, &beginnings, &settings)
+        contenders(device, &self.triangles, &settings)
     }
 
     /// The children that the nodes of the top have in another one.

@@ -180,14 +180,13 @@ impl Rounds {
         Searching { search, rule, schedule, page: Some(BEGIN), ends: Vec::new() }
     }
 
-    /// Records the next rounds of a search, whose time begins with the command `begins`.
+    /// Records the next rounds of a search, after what the recording begins with.
     pub(super) fn record(
         &mut self,
         searching: &mut Searching,
         session: &Session<'_>,
         settings: &PrbvhSettings,
         recording: &mut Recording,
-        begins: usize,
     ) {
         let Searching { search, rule, schedule, page, ends } = searching;
         let done = session.row().iteration;
@@ -228,7 +227,7 @@ impl Rounds {
             let decides = if round.decides { DECIDES } else { 0 };
             let params = RoundParams { flags: JUDGES | decides, ..params };
             self.lists.record_round(of(session), recording, &params, &search.trial);
-            ends.push(recording.commands().len() - begins);
+            ends.push(recording.commands().len());
         }
         session.record_reports(recording, rounds.len());
     }

@@ -6,7 +6,7 @@ use super::moves::Moves;
 use super::pace::Pace;
 use super::{IterationRow, Limits, StopReason, set_relative_errors};
 use crate::build::{DeviceTree, Scratch};
-use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
+use crate::device::{Buffer, Device, DeviceError, DeviceKind, Recording, Timing};
 use prbvh_kernel::prbvh::worst::books::EPOCH;
 use prbvh_kernel::status::{
     APPLIED, FAULT_BROKEN_TREE, FAULT_SEARCH_STEPS, FAULT_TREELET, FAULTS, FOUND, GOES_ON, HURRY, MOST_STEPS, MU,
@@ -166,6 +166,14 @@ impl<'a> Session<'a> {
     pub(super) fn take_note(&mut self, timings: Vec<Timing>) {
         self.device_s += timings.iter().map(|timing| timing.seconds).sum::<f64>();
         self.timings.extend(timings);
+    }
+
+    /// Of work that the host did while the device waited, or on its threads if it is the CPU.
+    pub(super) fn take_note_of_host(&mut self, kind: DeviceKind, timing: Timing) {
+        if kind == DeviceKind::Cpu {
+            self.device_s += timing.seconds;
+        }
+        self.timings.push(timing);
     }
 
     pub(super) fn submit(&mut self, device: &mut dyn Device, recording: &Recording) -> Result<(), DeviceError> {

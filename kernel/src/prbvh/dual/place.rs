@@ -106,6 +106,17 @@ pub(super) struct Search {
     pub(super) row: u32,
 }
 
+/// A node is visited on the way down.
+const ENTER: u32 = 0;
+/// It is visited on the way up.
+const LEAVE: u32 = 1;
+/// It is the pivot, above which the next one is.
+const CLIMB: u32 = 2;
+/// It is the new pivot, of which the left child is the subtree to search.
+const ASIDE: u32 = 3;
+/// No node is next.
+const DONE: u32 = 4;
+
 /// The best place of `child` in the tree without the input and its parent, but with `other`, if that has a place, and its value; the value
 /// is [`Search::most`] less the area that the insertion adds. The walk is the one of [`super::super::search`], with the boxes that ancestors
 /// have without the input. The output is the input's parent for the new parent of `other`.
@@ -144,59 +155,72 @@ pub(super) fn best_place<const HAS_OTHER: bool, T: WholeNodes + ?Sized>(
     let mut d_pivot = 0.0f32;
     let mut d = 0.0f32;
     let mut v = sibling;
-    let mut done = false;
+    let mut step = ENTER;
     let mut pivots = 1;
 
-    while !done && rounds.next() {
-        rounds.visits += 1;
+    // A node a round, whatever it is looked at for: lanes that do different things wait for memory together.
+    while step != DONE && rounds.next() {
         let node = nodes.whole(v);
+        if step >= CLIMB {
+            if step == CLIMB && node.up & RIGHT != 0 {
+                pivot = node.up & !RIGHT;
+                v = pivot;
+                step = ASIDE;
+            } else {
+                top = if step == CLIMB { node.up } else { node.down };
+                v = top;
+                step = ENTER;
+            }
+            continue;
+        }
         // One of the two is next.
         nodes.ask_for(node.up);
         if v < internal {
             nodes.ask_for(node.down);
         }
-        let mut here = d;
-        if HAS_OTHER && v == other.output {
-            best.offer(d - new_area, parent, pivot);
-            here = d - new_growth;
-            best.offer(here - other.aabb.union(child.aabb).half_area(), other.child, pivot);
-        }
         let mut aabb = node.aabb();
+        if v == top && step == ENTER {
+            pivot_box = pivot_box.union(aabb);
+            if node.up & RIGHT != 0 {
+                pivot = node.up & !RIGHT;
+            }
+        }
+        let own_area = aabb.half_area();
         if HAS_OTHER && other.is_below(v, aabb, pivot, output_box, nodes, rounds) {
             aabb = aabb.union(other.aabb);
         }
         let area = aabb.union(child.aabb).half_area();
-        best.offer(here - area, v, pivot);
-        // Written so that a NaN does not descend. Below a node that is no larger than the child a move might close a loop.
-        let own_area = node.aabb().half_area();
-        let d_below = here + (aabb.half_area() - area);
-        if v < internal && d_below - child_area > best.value && (own_area > child_area || v == sibling) {
-            d = d_below;
-            v = node.down;
-            continue;
-        }
-        // On to the next subtree in depth-first order; each step up takes a growth back.
-        let mut up = node.up;
-        while v != top && up & RIGHT != 0 && rounds.next() {
-            v = up & !RIGHT;
-            let above = nodes.whole(v);
-            let mut aabb = above.aabb();
-            if HAS_OTHER && other.is_below(v, aabb, pivot, output_box, nodes, rounds) {
-                aabb = aabb.union(other.aabb);
+        let growth = aabb.half_area() - area;
+        if step == ENTER {
+            rounds.visits += 1;
+            let mut here = d;
+            if HAS_OTHER && v == other.output {
+                best.offer(d - new_area, parent, pivot);
+                here = d - new_growth;
+                best.offer(here - other.aabb.union(child.aabb).half_area(), other.child, pivot);
             }
-            d -= aabb.half_area() - aabb.union(child.aabb).half_area();
+            best.offer(here - area, v, pivot);
+            // Written so that a NaN does not descend. Below a node that is no larger than the child a move might close a loop.
+            let d_below = here + growth;
+            if v < internal && d_below - child_area > best.value && (own_area > child_area || v == sibling) {
+                d = d_below;
+                v = node.down;
+                continue;
+            }
+        } else {
+            // Each step up takes a growth back.
+            d -= growth;
             if HAS_OTHER && v == other.output {
                 d += new_growth;
             }
-            up = above.up;
         }
+        // On to the next subtree in depth-first order.
         if v != top {
-            v = up;
-            continue;
-        }
-        // The next pivot; none if even the child's own area would be too much.
-        if pivot == ROOT || pivots >= search.pivots || search.most - search.ends * child_area <= best.value {
-            done = true;
+            step = if node.up & RIGHT == 0 { ENTER } else { LEAVE };
+            v = node.up & !RIGHT;
+        } else if pivot == ROOT || pivots >= search.pivots || search.most - search.ends * child_area <= best.value {
+            // Even the child's own area would be too much.
+            step = DONE;
         } else {
             pivots += 1;
             if HAS_OTHER && pivot == other.pivot {
@@ -206,15 +230,13 @@ pub(super) fn best_place<const HAS_OTHER: bool, T: WholeNodes + ?Sized>(
                 let aabb = if has_other { pivot_box.union(other.aabb) } else { pivot_box };
                 d_pivot += aabb.union(child.aabb).half_area() - aabb.half_area();
             }
-            top = nodes.sibling(pivot);
-            pivot = nodes.parent(pivot);
-            pivot_box = pivot_box.union(nodes.box_of(top));
-            v = top;
             d = d_pivot;
+            v = pivot;
+            step = CLIMB;
         }
     }
     // Neither at the end nor at the bound: the device cut the loop short.
-    if !done && rounds.left > 0 {
+    if step != DONE && rounds.left > 0 {
         status::raise(report, search.row, FAULT_SEARCH_STEPS);
     }
     (Placed { output: best.output, pivot: best.pivot, ..*child }, best.value)
