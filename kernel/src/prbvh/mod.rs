@@ -61,6 +61,7 @@ pub mod paths;
 pub mod reinsert;
 pub mod search;
 pub mod topology;
+mod walk;
 pub mod worst;
 
 pub use topology::MoveNodes;

@@ -2,7 +2,8 @@
 
 use crate::aabb::Aabb;
 use crate::mem::AtomicU32;
-use crate::node::{NO_NODE, RIGHT, ROOT, WholeNodes};
+use crate::node::{NO_NODE, ROOT, WholeNodes};
+use crate::prbvh::walk::Walk;
 use crate::status::{self, FAULT_SEARCH_STEPS};
 
 /// A child with its place.
@@ -106,17 +107,6 @@ pub(super) struct Search {
     pub(super) row: u32,
 }
 
-/// A node is visited on the way down.
-const ENTER: u32 = 0;
-/// It is visited on the way up.
-const LEAVE: u32 = 1;
-/// It is the pivot, above which the next one is.
-const CLIMB: u32 = 2;
-/// It is the new pivot, of which the left child is the subtree to search.
-const ASIDE: u32 = 3;
-/// No node is next.
-const DONE: u32 = 4;
-
 /// The best place of `child` in the tree without the input and its parent, but with `other`, if that has a place, and its value; the value
 /// is [`Search::most`] less the area that the insertion adds. The walk is the one of [`super::super::search`], with the boxes that ancestors
 /// have without the input. The output is the input's parent for the new parent of `other`.
@@ -145,32 +135,19 @@ pub(super) fn best_place<const HAS_OTHER: bool, T: WholeNodes + ?Sized>(
     }
 
     let mut best = Best { value: search.floor, output: NO_NODE, pivot: NO_NODE };
-    let mut pivot = parent;
-    // The subtree to search below the pivot, and the box of the pivot without the input.
-    let mut top = sibling;
-    let mut pivot_box = nodes.box_of(sibling);
+    let mut walk = Walk::new(sibling, parent);
     // Whether the pivot has the other child below it.
     let mut has_other = false;
-    // Sum of growths above the input below the pivot; `d` takes off the growths from the pivot down to `v`.
+    // Sum of growths above the input below the pivot; `d` takes off the growths from the pivot down to the node.
     let mut d_pivot = 0.0f32;
     let mut d = 0.0f32;
-    let mut v = sibling;
-    let mut step = ENTER;
     let mut pivots = 1;
+    let mut done = false;
 
-    // A node a round, whatever it is looked at for: lanes that do different things wait for memory together.
-    while step != DONE && rounds.next() {
+    while !done && rounds.next() {
+        let v = walk.v;
         let node = nodes.whole(v);
-        if step >= CLIMB {
-            if step == CLIMB && node.up & RIGHT != 0 {
-                pivot = node.up & !RIGHT;
-                v = pivot;
-                step = ASIDE;
-            } else {
-                top = if step == CLIMB { node.up } else { node.down };
-                v = top;
-                step = ENTER;
-            }
+        if walk.climbs(&node) {
             continue;
         }
         // One of the two is next.
@@ -178,33 +155,28 @@ pub(super) fn best_place<const HAS_OTHER: bool, T: WholeNodes + ?Sized>(
         if v < internal {
             nodes.ask_for(node.down);
         }
+        let enters = walk.enters(&node);
         let mut aabb = node.aabb();
-        if v == top && step == ENTER {
-            pivot_box = pivot_box.union(aabb);
-            if node.up & RIGHT != 0 {
-                pivot = node.up & !RIGHT;
-            }
-        }
         let own_area = aabb.half_area();
-        if HAS_OTHER && other.is_below(v, aabb, pivot, output_box, nodes, rounds) {
+        if HAS_OTHER && other.is_below(v, aabb, walk.pivot, output_box, nodes, rounds) {
             aabb = aabb.union(other.aabb);
         }
         let area = aabb.union(child.aabb).half_area();
         let growth = aabb.half_area() - area;
-        if step == ENTER {
+        if enters {
             rounds.visits += 1;
             let mut here = d;
             if HAS_OTHER && v == other.output {
-                best.offer(d - new_area, parent, pivot);
+                best.offer(d - new_area, parent, walk.pivot);
                 here = d - new_growth;
-                best.offer(here - other.aabb.union(child.aabb).half_area(), other.child, pivot);
+                best.offer(here - other.aabb.union(child.aabb).half_area(), other.child, walk.pivot);
             }
-            best.offer(here - area, v, pivot);
+            best.offer(here - area, v, walk.pivot);
             // Written so that a NaN does not descend. Below a node that is no larger than the child a move might close a loop.
             let d_below = here + growth;
             if v < internal && d_below - child_area > best.value && (own_area > child_area || v == sibling) {
                 d = d_below;
-                v = node.down;
+                walk.descend(&node);
                 continue;
             }
         } else {
@@ -214,29 +186,27 @@ pub(super) fn best_place<const HAS_OTHER: bool, T: WholeNodes + ?Sized>(
                 d += new_growth;
             }
         }
-        // On to the next subtree in depth-first order.
-        if v != top {
-            step = if node.up & RIGHT == 0 { ENTER } else { LEAVE };
-            v = node.up & !RIGHT;
-        } else if pivot == ROOT || pivots >= search.pivots || search.most - search.ends * child_area <= best.value {
-            // Even the child's own area would be too much.
-            step = DONE;
+        if walk.goes_on(&node) {
+            continue;
+        }
+        // The next pivot; none if even the child's own area would be too much.
+        if walk.pivot == ROOT || pivots >= search.pivots || search.most - search.ends * child_area <= best.value {
+            done = true;
         } else {
             pivots += 1;
-            if HAS_OTHER && pivot == other.pivot {
+            if HAS_OTHER && walk.pivot == other.pivot {
                 has_other = true;
             }
-            if pivot != parent {
-                let aabb = if has_other { pivot_box.union(other.aabb) } else { pivot_box };
+            if walk.pivot != parent {
+                let aabb = if has_other { walk.pivot_box.union(other.aabb) } else { walk.pivot_box };
                 d_pivot += aabb.union(child.aabb).half_area() - aabb.half_area();
             }
             d = d_pivot;
-            v = pivot;
-            step = CLIMB;
+            walk.climb();
         }
     }
     // Neither at the end nor at the bound: the device cut the loop short.
-    if step != DONE && rounds.left > 0 {
+    if !done && rounds.left > 0 {
         status::raise(report, search.row, FAULT_SEARCH_STEPS);
     }
     (Placed { output: best.output, pivot: best.pivot, ..*child }, best.value)
