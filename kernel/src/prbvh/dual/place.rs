@@ -1,5 +1,7 @@
 //! Where a child of a dissolved node costs least.
 
+use super::rounds::Rounds;
+use super::way::{Stand, Way};
 use crate::aabb::Aabb;
 use crate::mem::AtomicU32;
 use crate::node::{NO_NODE, RIGHT, ROOT, WholeNodes};
@@ -23,49 +25,6 @@ impl Placed {
     #[inline(always)]
     pub(super) fn nowhere<T: WholeNodes + ?Sized>(child: u32, nodes: &T) -> Self {
         Self { aabb: nodes.box_of(child), child, output: NO_NODE, pivot: NO_NODE }
-    }
-
-    /// Whether node `v` with the box `aabb`, below `pivot`, has got the child below it.
-    #[inline(always)]
-    fn is_below<T: WholeNodes + ?Sized>(
-        &self,
-        v: u32,
-        aabb: Aabb,
-        pivot: u32,
-        output_box: Aabb,
-        nodes: &T,
-        rounds: &mut Rounds,
-    ) -> bool {
-        let mut is_below = false;
-        if pivot == self.pivot && v != self.output && aabb.contains(output_box) {
-            let mut w = nodes.parent(self.output);
-            while w != pivot && !is_below && rounds.next() {
-                is_below = w == v;
-                w = nodes.parent(w);
-            }
-        }
-        is_below
-    }
-}
-
-/// Counts the rounds of all loops of an invocation.
-#[derive(Clone, Copy)]
-pub(super) struct Rounds {
-    pub(super) left: u32,
-    /// Of these, the looks at the boxes of possible places.
-    pub(super) visits: u32,
-}
-
-impl Rounds {
-    /// Whether there is another round; if there is none, what the loops left is of no use.
-    #[inline(always)]
-    pub(super) fn next(&mut self) -> bool {
-        if self.left > 0 {
-            self.left -= 1;
-            true
-        } else {
-            false
-        }
     }
 }
 
@@ -122,13 +81,12 @@ pub(super) fn best_place<const HAS_OTHER: bool, T: WholeNodes + ?Sized>(
     let child_area = child.aabb.half_area();
     let sibling = nodes.sibling(search.input);
     let parent = nodes.parent(search.input);
-    let mut output_box = Aabb::EMPTY;
+    let mut way = Way::NOWHERE;
     // What the new parent of the other one grows by.
     let mut new_growth = 0.0f32;
     let mut new_area = 0.0f32;
     if HAS_OTHER {
-        output_box = nodes.box_of(other.output);
-        let new_box = output_box.union(other.aabb);
+        let new_box = nodes.box_of(other.output).union(other.aabb);
         new_area = new_box.union(child.aabb).half_area();
         new_growth = new_area - new_box.half_area();
     }
@@ -144,6 +102,7 @@ pub(super) fn best_place<const HAS_OTHER: bool, T: WholeNodes + ?Sized>(
     let mut d_pivot = 0.0f32;
     let mut d = 0.0f32;
     let mut v = sibling;
+    let mut stand = Stand::new(parent == other.pivot);
     let mut done = false;
     let mut pivots = 1;
 
@@ -162,7 +121,7 @@ pub(super) fn best_place<const HAS_OTHER: bool, T: WholeNodes + ?Sized>(
             best.offer(here - other.aabb.union(child.aabb).half_area(), other.child, pivot);
         }
         let mut aabb = node.aabb();
-        if HAS_OTHER && other.is_below(v, aabb, pivot, output_box, nodes, rounds) {
+        if HAS_OTHER && v != other.output && stand.is_on_way() {
             aabb = aabb.union(other.aabb);
         }
         let area = aabb.union(child.aabb).half_area();
@@ -171,6 +130,10 @@ pub(super) fn best_place<const HAS_OTHER: bool, T: WholeNodes + ?Sized>(
         let own_area = node.aabb().half_area();
         let d_below = here + (aabb.half_area() - area);
         if v < internal && d_below - child_area > best.value && (own_area > child_area || v == sibling) {
+            if HAS_OTHER && v == top && stand.is_on_way() {
+                way = Way::to(other.output, pivot, nodes, rounds);
+            }
+            stand.down(&way);
             d = d_below;
             v = node.down;
             continue;
@@ -179,9 +142,10 @@ pub(super) fn best_place<const HAS_OTHER: bool, T: WholeNodes + ?Sized>(
         let mut up = node.up;
         while v != top && up & RIGHT != 0 && rounds.next() {
             v = up & !RIGHT;
+            stand.up();
             let above = nodes.whole(v);
             let mut aabb = above.aabb();
-            if HAS_OTHER && other.is_below(v, aabb, pivot, output_box, nodes, rounds) {
+            if HAS_OTHER && v != other.output && stand.is_on_way() {
                 aabb = aabb.union(other.aabb);
             }
             d -= aabb.half_area() - aabb.union(child.aabb).half_area();
@@ -192,6 +156,7 @@ pub(super) fn best_place<const HAS_OTHER: bool, T: WholeNodes + ?Sized>(
         }
         if v != top {
             v = up;
+            stand.aside(&way);
             continue;
         }
         // The next pivot; none if even the child's own area would be too much.
@@ -210,6 +175,7 @@ pub(super) fn best_place<const HAS_OTHER: bool, T: WholeNodes + ?Sized>(
             pivot = nodes.parent(pivot);
             pivot_box = pivot_box.union(nodes.box_of(top));
             v = top;
+            stand = Stand::new(pivot == other.pivot);
             d = d_pivot;
         }
     }
