@@ -278,6 +278,28 @@ fn devices_are_listed() {
 }
 
 #[test]
+fn a_driver_tells_what_it_makes_of_the_kernels_or_that_it_does_not() {
+    // Mesa's driver for AMD, where it is installed, compiles for a GPU that is not there.
+    let mut command = Command::new(PRBVH);
+    let json =
+        start(command.env("RADV_FORCE_FAMILY", "navi21").args(["devices", "--kernels", "--json"])).wait().ok().json();
+    let of = |key: &str| json[key].as_array().unwrap().clone();
+    assert_eq!(of("kernels").len(), of("vulkan").len());
+    assert!(without_vulkan() || !of("kernels").is_empty());
+    for (device, told) in of("vulkan").iter().zip(of("kernels")) {
+        let kernels = told["kernels"].as_array().unwrap();
+        let error = told["error"].as_str().unwrap_or_default();
+        assert_ne!(kernels.is_empty(), error.is_empty(), "{device}: {told}");
+        if device["driver"].as_str().unwrap().starts_with("radv") {
+            let search = kernels.iter().find(|kernel| kernel["kernel"] == "dual_search").unwrap();
+            let statistics = search["executables"][0]["statistics"].as_array().unwrap();
+            let registers = statistics.iter().find(|statistic| statistic["name"] == "VGPRs").unwrap();
+            assert!(registers["value"].as_u64().unwrap() > 0, "{search}");
+        }
+    }
+}
+
+#[test]
 fn help_and_version_go_to_stdout() {
     let help = prbvh(&["--help"]).ok().stdout;
     for part in ["optimize", "stats", "devices"] {

@@ -2,6 +2,7 @@
 
 pub mod accuracy;
 pub mod compare;
+pub mod kernels;
 mod machine;
 pub mod page;
 mod phases;

@@ -66,7 +66,10 @@ pub(super) struct StatsArgs {
 
 #[derive(Debug, Args)]
 pub(super) struct DevicesArgs {
-    /// Print one JSON array.
+    /// What each driver makes of the kernels, where it tells: registers, spills, occupancy, instructions.
+    #[arg(long)]
+    pub(super) kernels: bool,
+    /// Print one JSON object.
     #[arg(long)]
     pub(super) json: bool,
 }

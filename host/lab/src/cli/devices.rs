@@ -3,26 +3,50 @@
 use super::args::DevicesArgs;
 use super::stdout::print;
 use prbvh::device::cpu::CpuDevice;
-use prbvh::device::vulkan::{self, DeviceSummary};
-use prbvh::device::{Device, DeviceError};
+use prbvh::device::vulkan::{self, DeviceSummary, KernelStatistics};
+use prbvh::device::{Device, DeviceError, Selection};
+use prbvh_lab::kernels;
 use std::fmt::Write;
 use std::process::ExitCode;
 
 pub(super) fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
     let cpu = CpuDevice::new(0)?;
     let vulkan = vulkan::list_devices();
+    let kernels: Vec<_> = match &vulkan {
+        Ok(devices) if args.kernels => devices.iter().map(told_of_kernels).collect(),
+        _ => Vec::new(),
+    };
     if args.json {
         let (devices, missing) = match &vulkan {
             Ok(devices) => (devices.as_slice(), None),
             Err(error) => (&[][..], Some(error.to_string())),
         };
-        let json = serde_json::json!({ "cpu": cpu.info(), "vulkan": devices, "no_vulkan": missing });
+        let mut json = serde_json::json!({ "cpu": cpu.info(), "vulkan": devices, "no_vulkan": missing });
+        if args.kernels {
+            let of_device = |told: &Told| match told {
+                Ok(kernels) => serde_json::json!({ "kernels": kernels, "error": null }),
+                Err(error) => serde_json::json!({ "kernels": [], "error": error.to_string() }),
+            };
+            json["kernels"] = kernels.iter().map(of_device).collect();
+        }
         print(&serde_json::to_string_pretty(&json)?)?;
     } else {
         print(&format!("cpu         {} ({})", cpu.info().name, cpu.info().driver))?;
         print(vulkan_text(&vulkan).trim_end())?;
+        for (device, told) in vulkan.iter().flatten().zip(&kernels) {
+            print(&match told {
+                Ok(kernels) => format!("\nvulkan:{}\n{}", device.index, kernels::table(kernels)),
+                Err(error) => format!("\nvulkan:{}    {error}", device.index),
+            })?;
+        }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+type Told = Result<Vec<KernelStatistics>, DeviceError>;
+
+fn told_of_kernels(device: &DeviceSummary) -> Told {
+    vulkan::kernel_statistics(Selection::Index(device.index), false)
 }
 
 fn vulkan_text(devices: &Result<Vec<DeviceSummary>, DeviceError>) -> String {

@@ -1,6 +1,7 @@
 //! What a dual reinsertion gains, from its definition.
 
-use super::place::{Placed, Rounds};
+use super::place::Placed;
+use super::rounds::Rounds;
 use crate::aabb::Aabb;
 use crate::node::WholeNodes;
 use crate::prbvh::search::RELATIVE_THRESHOLD;

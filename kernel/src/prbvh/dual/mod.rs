@@ -31,7 +31,9 @@
 
 mod gain;
 mod place;
+mod rounds;
 pub mod search;
+mod way;
 
 use super::Move;
 use crate::node::{Links, RIGHT};

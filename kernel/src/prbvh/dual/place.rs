@@ -1,8 +1,10 @@
 //! Where a child of a dissolved node costs least.
 
+use super::rounds::Rounds;
+use super::way::{Stand, Way};
 use crate::aabb::Aabb;
 use crate::mem::AtomicU32;
-use crate::node::{NO_NODE, ROOT, WholeNodes};
+use crate::node::{NO_NODE, RIGHT, ROOT, WholeNodes};
 use crate::prbvh::walk::Walk;
 use crate::status::{self, FAULT_SEARCH_STEPS};
 
@@ -24,49 +26,6 @@ impl Placed {
     #[inline(always)]
     pub(super) fn nowhere<T: WholeNodes + ?Sized>(child: u32, nodes: &T) -> Self {
         Self { aabb: nodes.box_of(child), child, output: NO_NODE, pivot: NO_NODE }
-    }
-
-    /// Whether node `v` with the box `aabb`, below `pivot`, has got the child below it.
-    #[inline(always)]
-    fn is_below<T: WholeNodes + ?Sized>(
-        &self,
-        v: u32,
-        aabb: Aabb,
-        pivot: u32,
-        output_box: Aabb,
-        nodes: &T,
-        rounds: &mut Rounds,
-    ) -> bool {
-        let mut is_below = false;
-        if pivot == self.pivot && v != self.output && aabb.contains(output_box) {
-            let mut w = nodes.parent(self.output);
-            while w != pivot && !is_below && rounds.next() {
-                is_below = w == v;
-                w = nodes.parent(w);
-            }
-        }
-        is_below
-    }
-}
-
-/// Counts the rounds of all loops of an invocation.
-#[derive(Clone, Copy)]
-pub(super) struct Rounds {
-    pub(super) left: u32,
-    /// Of these, the looks at the boxes of possible places.
-    pub(super) visits: u32,
-}
-
-impl Rounds {
-    /// Whether there is another round; if there is none, what the loops left is of no use.
-    #[inline(always)]
-    pub(super) fn next(&mut self) -> bool {
-        if self.left > 0 {
-            self.left -= 1;
-            true
-        } else {
-            false
-        }
     }
 }
 
@@ -123,19 +82,19 @@ pub(super) fn best_place<const HAS_OTHER: bool, T: WholeNodes + ?Sized>(
     let child_area = child.aabb.half_area();
     let sibling = nodes.sibling(search.input);
     let parent = nodes.parent(search.input);
-    let mut output_box = Aabb::EMPTY;
+    let mut way = Way::NOWHERE;
     // What the new parent of the other one grows by.
     let mut new_growth = 0.0f32;
     let mut new_area = 0.0f32;
     if HAS_OTHER {
-        output_box = nodes.box_of(other.output);
-        let new_box = output_box.union(other.aabb);
+        let new_box = nodes.box_of(other.output).union(other.aabb);
         new_area = new_box.union(child.aabb).half_area();
         new_growth = new_area - new_box.half_area();
     }
 
     let mut best = Best { value: search.floor, output: NO_NODE, pivot: NO_NODE };
     let mut walk = Walk::new(sibling, parent);
+    let mut stand = Stand::new(false);
     // Whether the pivot has the other child below it.
     let mut has_other = false;
     // Sum of growths above the input below the pivot; `d` takes off the growths from the pivot down to the node.
@@ -156,9 +115,12 @@ pub(super) fn best_place<const HAS_OTHER: bool, T: WholeNodes + ?Sized>(
             nodes.ask_for(node.down);
         }
         let enters = walk.enters(&node);
+        if HAS_OTHER && enters && v == walk.top {
+            stand = Stand::new(walk.pivot == other.pivot);
+        }
         let mut aabb = node.aabb();
         let own_area = aabb.half_area();
-        if HAS_OTHER && other.is_below(v, aabb, walk.pivot, output_box, nodes, rounds) {
+        if HAS_OTHER && v != other.output && stand.is_on_way() {
             aabb = aabb.union(other.aabb);
         }
         let area = aabb.union(child.aabb).half_area();
@@ -175,6 +137,12 @@ pub(super) fn best_place<const HAS_OTHER: bool, T: WholeNodes + ?Sized>(
             // Written so that a NaN does not descend. Below a node that is no larger than the child a move might close a loop.
             let d_below = here + growth;
             if v < internal && d_below - child_area > best.value && (own_area > child_area || v == sibling) {
+                if HAS_OTHER {
+                    if v == walk.top && stand.is_on_way() {
+                        way = Way::to(other.output, walk.pivot, nodes, rounds);
+                    }
+                    stand.down(&way);
+                }
                 d = d_below;
                 walk.descend(&node);
                 continue;
@@ -187,6 +155,11 @@ pub(super) fn best_place<const HAS_OTHER: bool, T: WholeNodes + ?Sized>(
             }
         }
         if walk.goes_on(&node) {
+            if HAS_OTHER && node.up & RIGHT == 0 {
+                stand.aside(&way);
+            } else if HAS_OTHER {
+                stand.up();
+            }
             continue;
         }
         // The next pivot; none if even the child's own area would be too much.

@@ -5,7 +5,8 @@
 //! computed again, directly, as in [`crate::prbvh::search`].
 
 use super::gain::checked_area_decrease;
-use super::place::{Placed, Rounds, Search, best_place};
+use super::place::{Placed, Search, best_place};
+use super::rounds::Rounds;
 use crate::aabb::Aabb;
 use crate::mem::AtomicU32;
 use crate::node::{NO_NODE, RIGHT, ROOT, WholeNodes};

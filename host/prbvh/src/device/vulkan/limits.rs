@@ -314,7 +314,8 @@ fn version(packed: u32) -> String {
     format!("{major}.{minor}.{}", vk::api_version_patch(packed))
 }
 
-fn text(name: Result<&std::ffi::CStr, std::ffi::FromBytesUntilNulError>) -> String {
+/// What a driver calls something.
+pub(super) fn text(name: Result<&std::ffi::CStr, std::ffi::FromBytesUntilNulError>) -> String {
     name.map_or_else(|_| "unnamed".to_owned(), |name| name.to_string_lossy().into_owned())
 }
 

@@ -6,7 +6,7 @@ use super::instance::Instance;
 use super::limits::PhysicalDevice;
 use crate::device::DeviceError;
 use ash::{ext, khr, vk};
-use std::ffi::CString;
+use std::ffi::{CStr, CString};
 use std::mem::ManuallyDrop;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -33,12 +33,39 @@ impl LogicalDevice {
         atomics_64: bool,
     ) -> Result<Arc<Self>, DeviceError> {
         physical.summary.require_usable()?;
-        let atomics_64 = atomics_64 && physical.summary.shader_buffer_int64_atomics;
+        let extensions = Extensions::of(instance, physical.raw)?;
+        Self::open(instance, physical, &extensions, atomics_64, false)
+    }
 
+    /// Opens a device that tells what became of the kernels: `VK_KHR_pipeline_executable_properties`.
+    pub(super) fn with_statistics(instance: &Instance, physical: PhysicalDevice) -> Result<Arc<Self>, DeviceError> {
+        physical.summary.require_usable()?;
+        let extensions = Extensions::of(instance, physical.raw)?;
+        if !tells_statistics(instance, physical.raw, &extensions) {
+            return Err(DeviceError::Feature {
+                what: "statistics of compiled kernels".to_owned(),
+                name: "VK_KHR_pipeline_executable_properties",
+                device: physical.summary.name,
+            });
+        }
+        Self::open(instance, physical, &extensions, true, true)
+    }
+
+    fn open(
+        instance: &Instance,
+        physical: PhysicalDevice,
+        of_device: &Extensions,
+        atomics_64: bool,
+        statistics: bool,
+    ) -> Result<Arc<Self>, DeviceError> {
+        let atomics_64 = atomics_64 && physical.summary.shader_buffer_int64_atomics;
         let mut extensions = Vec::new();
-        if has_portability_subset(instance, physical.raw)? {
+        if of_device.has(khr::portability_subset::NAME) {
             // A device that has this extension must be opened with it.
             extensions.push(khr::portability_subset::NAME.as_ptr());
+        }
+        if statistics {
+            extensions.push(khr::pipeline_executable_properties::NAME.as_ptr());
         }
         let queues =
             [vk::DeviceQueueCreateInfo::default().queue_family_index(physical.queue_family).queue_priorities(&[1.0])];
@@ -48,10 +75,15 @@ impl LogicalDevice {
         let mut features = vk::PhysicalDeviceFeatures2::default()
             .features(vk::PhysicalDeviceFeatures::default().shader_int64(atomics_64))
             .push_next(&mut features_12);
-        let info = vk::DeviceCreateInfo::default()
+        let mut of_statistics =
+            vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default().pipeline_executable_info(true);
+        let mut info = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_extension_names(&extensions)
             .push_next(&mut features);
+        if statistics {
+            info = info.push_next(&mut of_statistics);
+        }
 
         // SAFETY: family, features and extensions are those that the device has, and live through the call.
         let raw = unsafe { instance.raw().create_device(physical.raw, &info, None) }.call("vkCreateDevice")?;
@@ -146,9 +178,27 @@ impl Drop for LogicalDevice {
     }
 }
 
-fn has_portability_subset(instance: &Instance, device: vk::PhysicalDevice) -> Result<bool, DeviceError> {
-    // SAFETY: the device comes from this instance.
-    let extensions = unsafe { instance.raw().enumerate_device_extension_properties(device) }
-        .call("vkEnumerateDeviceExtensionProperties")?;
-    Ok(extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(khr::portability_subset::NAME)))
+/// Extensions of a device.
+struct Extensions(Vec<vk::ExtensionProperties>);
+
+impl Extensions {
+    fn of(instance: &Instance, device: vk::PhysicalDevice) -> Result<Self, DeviceError> {
+        // SAFETY: the device comes from this instance.
+        let all = unsafe { instance.raw().enumerate_device_extension_properties(device) };
+        all.call("vkEnumerateDeviceExtensionProperties").map(Self)
+    }
+
+    fn has(&self, name: &CStr) -> bool {
+        self.0.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name))
+    }
+}
+
+fn tells_statistics(instance: &Instance, device: vk::PhysicalDevice, extensions: &Extensions) -> bool {
+    let mut statistics = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
+    if extensions.has(khr::pipeline_executable_properties::NAME) {
+        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut statistics);
+        // SAFETY: the device comes from this instance, and knows the structure of its extension.
+        unsafe { instance.raw().get_physical_device_features2(device, &mut features) };
+    }
+    statistics.pipeline_executable_info == vk::TRUE
 }

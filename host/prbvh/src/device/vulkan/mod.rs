@@ -7,6 +7,7 @@
 //! | `logical`, `objects` | an opened device, and Vulkan objects that destroy themselves |
 //! | `heap`, `memory`, `buffers`, `staging` | blocks of memory, buffers in them, and bytes on their way to and from them |
 //! | `shaders`, `pipeline`, `cache` | SPIR-V → pipelines, kept between runs of the program |
+//! | `statistics` | what a driver made of the kernels: registers, spills, instructions |
 //! | `external`, `features` | the Vulkan of the caller, and what it must be created with |
 //! | `run`, `descriptors`, `timestamps`, `submit`, `fetched` | a recording → one submission, with what goes before it and comes back with it |
 //!
@@ -32,6 +33,7 @@ mod run;
 mod selection;
 mod shaders;
 mod staging;
+mod statistics;
 mod submit;
 #[cfg(test)]
 mod tests;
@@ -45,6 +47,7 @@ pub use prbvh_kernel::grid::{WORKGROUP_SIZE, workgroups};
 pub use prbvh_kernel::native::{Access as KernelAccess, BindingInfo};
 pub use prbvh_kernel::{Kernel, KernelInfo};
 pub use shaders::needs_atomics_64;
+pub use statistics::{Executable, KernelStatistics, Statistic, StatisticValue, kernel_statistics};
 
 use super::Selection;
 use super::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing, Traffic};

@@ -43,7 +43,7 @@ impl Pipelines {
         // Vulkan lets many threads use a cache that it synchronises itself.
         let (device, cache) = (&self.device, self.cache.for_new_pipelines());
         let make = |kernel| {
-            let made = KernelPipeline::new(device, cache, kernel);
+            let made = KernelPipeline::new(device, cache, kernel, vk::PipelineCreateFlags::empty());
             // The validation layer spoke to the thread that made it.
             messages::check()?;
             Ok((kernel, made?))
@@ -66,14 +66,21 @@ impl Pipelines {
     }
 }
 
-struct KernelPipeline {
+/// The pipeline of a kernel, and what it was made with.
+pub(super) struct KernelPipeline {
     pipeline: Pipeline,
     layout: PipelineLayout,
     set_layout: DescriptorSetLayout,
 }
 
 impl KernelPipeline {
-    fn new(device: &Arc<LogicalDevice>, cache: &PipelineCache, kernel: Kernel) -> Result<Self, DeviceError> {
+    /// A new pipeline.
+    pub(super) fn new(
+        device: &Arc<LogicalDevice>,
+        cache: &PipelineCache,
+        kernel: Kernel,
+        flags: vk::PipelineCreateFlags,
+    ) -> Result<Self, DeviceError> {
         let info = kernel.info();
         let words = shaders::words(kernel);
         if shaders::is_of_wide_words(&words) && !device.atomics_64() {
@@ -93,14 +100,15 @@ impl KernelPipeline {
             .stage(vk::ShaderStageFlags::COMPUTE)
             .module(module.raw())
             .name(&entry_point);
-        let create_info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout.raw());
+        let create_info = vk::ComputePipelineCreateInfo::default().flags(flags).stage(stage).layout(layout.raw());
         // SAFETY: the entry point is in the module, whose bindings and push constants are those of the layout.
         let pipeline = unsafe { Pipeline::new(device, cache, create_info) }?;
         tracing::debug!("made the pipeline of {}", info.name);
         Ok(Self { pipeline, layout, set_layout })
     }
 
-    fn handles(&self) -> Handles {
+    /// Valid as long as `self` lives.
+    pub(super) fn handles(&self) -> Handles {
         Handles { pipeline: self.pipeline.raw(), layout: self.layout.raw(), set_layout: self.set_layout.raw() }
     }
 }
