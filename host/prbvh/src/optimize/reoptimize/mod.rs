@@ -307,7 +307,7 @@ impl Drop for Reoptimizer<'_> {
 
 /// Takes the boxes of the shapes, if these are all finite.
 fn read(device: &dyn Device, shapes: Shapes<'_>, boxes: &mut [Aabb]) -> Result<(), ReoptimizeError> {
-    are_finite(shapes, on_host(device, || shapes.write(boxes)))
+    are_finite(shapes, on_host(device, || shapes.write(0, boxes)))
 }
 
 /// What is wrong with shapes that are no good.

@@ -91,8 +91,8 @@ impl Working {
     pub(super) fn take(&self, device: &mut dyn Device, shapes: Shapes<'_>) -> Result<bool, DeviceError> {
         let mut are_good = true;
         let bytes = self.boxes.bytes() as usize;
-        device.upload_with(&self.boxes, bytes, &mut |boxes| {
-            are_good = shapes.write(bytemuck::cast_slice_mut(boxes));
+        device.upload_with(&self.boxes, bytes, &mut |first, boxes| {
+            are_good &= shapes.write(first / size_of::<Aabb>(), bytemuck::cast_slice_mut(boxes));
         })?;
         Ok(are_good)
     }

@@ -93,7 +93,7 @@ struct Method {
 const METHODS: &[Method] = &[
     Method {
         name: "lbvh",
-        most: 2,
+        most: 1,
         run: |device, triangles, _| {
             let (tree, _) = build::lbvh(device, triangles, MortonBits::default()).unwrap();
             tree.free(device);
@@ -101,7 +101,7 @@ const METHODS: &[Method] = &[
     },
     Method {
         name: "ploc",
-        most: 10,
+        most: 9,
         run: |device, triangles, _| {
             let (tree, _, _) = build::ploc(device, triangles, MortonBits::default(), build::DEFAULT_RADIUS).unwrap();
             tree.free(device);
@@ -109,7 +109,7 @@ const METHODS: &[Method] = &[
     },
     Method {
         name: "hploc",
-        most: 4,
+        most: 3,
         run: |device, triangles, _| {
             let radius = build::DEFAULT_HPLOC_RADIUS;
             let (tree, _) = build::hploc(device, triangles, MortonBits::default(), radius).unwrap();
@@ -119,7 +119,7 @@ const METHODS: &[Method] = &[
     #[cfg(feature = "atrbvh")]
     Method {
         name: "atrbvh",
-        most: 18,
+        most: 17,
         run: |device, triangles, _| {
             let size = build::TreeletSize::DEFAULT;
             let (tree, _, _) = build::atrbvh(device, triangles, MortonBits::default(), size).unwrap();
