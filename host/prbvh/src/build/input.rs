@@ -18,7 +18,7 @@ pub enum Input<'a> {
 
 impl Input<'_> {
     /// How many triangles.
-    pub(super) fn len(&self) -> Result<usize, DeviceError> {
+    pub(crate) fn len(&self) -> Result<usize, DeviceError> {
         let (length, element_bytes) = match self {
             Self::Host(triangles) => (triangles.len(), size_of::<Triangle>()),
             Self::Device(buffer) => (buffer.length, buffer.element_bytes),

@@ -99,30 +99,3 @@ fn an_upload_that_ends_halfway_leaves_the_device_at_rest() {
     drop(logical);
     device.close().unwrap();
 }
-
-#[test]
-#[ignore = "temporary: speed"]
-fn speed() {
-    let mut device = open(Options { validate: false, ..options(Access::Never) });
-    let bytes = 52_000_000usize;
-    let from: Vec<u8> = (0..bytes).map(|k| k as u8).collect();
-    let mut times = [vec![], vec![]];
-    for _ in 0..12 {
-        for (way, times) in times.iter_mut().enumerate() {
-            let (length, element) = if way == 0 { (1, bytes) } else { (bytes / 4, 4) };
-            let buffer = device.allocate("words", length, element).unwrap();
-            let start = std::time::Instant::now();
-            device
-                .upload_with(&buffer, bytes, &mut |first, piece| piece.copy_from_slice(&from[first..][..piece.len()]))
-                .unwrap();
-            device.submitter.submit(|_, _| {}).unwrap();
-            times.push(start.elapsed().as_secs_f64());
-            device.free(buffer);
-        }
-    }
-    for mut times in times {
-        times.sort_by(f64::total_cmp);
-        println!("{:?}", times);
-    }
-    println!("{} bytes of staging", device.staging.bytes());
-}
