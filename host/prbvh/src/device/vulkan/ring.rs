@@ -4,7 +4,6 @@ use super::commands::Commands;
 use super::error::failed;
 use super::logical::LogicalDevice;
 use super::memory::Allocation;
-use super::staging::window;
 use super::submit::Submitter;
 use crate::device::DeviceError;
 use ash::vk;
@@ -32,7 +31,7 @@ impl Ring {
     /// Nothing is under way.
     pub(super) fn new(device: &Arc<LogicalDevice>) -> Result<Self, DeviceError> {
         let slot = || -> Result<Slot, DeviceError> {
-            let window = window(device, PIECE_BYTES as u64)?;
+            let window = Allocation::window(device, "a piece of an upload", PIECE_BYTES as u64)?;
             Ok(Slot { window, commands: Commands::new(device)?, is_under_way: false })
         };
         Ok(Self { slots: [slot()?, slot()?], since: [u64::MAX; 2] })

@@ -2,13 +2,14 @@
 
 use super::error::failed;
 use super::logical::LogicalDevice;
-use super::memory::{Allocation, Purpose};
+use super::memory::Allocation;
 use super::ring::{PIECE_BYTES, Ring};
 use super::submit::Submitter;
 use crate::device::DeviceError;
 use ash::vk;
 use std::sync::Arc;
 
+const WHAT: &str = "the staging buffer";
 const FIRST_BYTES: u64 = 64 << 10;
 /// Longer downloads go in several pieces.
 const MAX_BYTES: u64 = 16 << 20;
@@ -30,7 +31,7 @@ impl Staging {
     pub(super) fn new(device: &Arc<LogicalDevice>) -> Result<Self, DeviceError> {
         Ok(Self {
             device: Arc::clone(device),
-            window: window(device, FIRST_BYTES)?,
+            window: Allocation::window(device, WHAT, FIRST_BYTES)?,
             used: 0,
             since: [0; 2],
             ring: None,
@@ -103,7 +104,7 @@ impl Staging {
             self.used = 0;
         }
         if grows {
-            self.window = window(&self.device, wanted)?;
+            self.window = Allocation::window(&self.device, WHAT, wanted)?;
         }
         self.since = submitter.submissions();
         Ok(self.used)
@@ -112,11 +113,4 @@ impl Staging {
     fn window(&mut self) -> Result<&mut [u8], DeviceError> {
         self.window.mapped().ok_or_else(|| failed("vkMapMemory", vk::Result::ERROR_MEMORY_MAP_FAILED))
     }
-}
-
-/// A buffer of zeros that both sides reach.
-pub(super) fn window(device: &Arc<LogicalDevice>, bytes: u64) -> Result<Allocation, DeviceError> {
-    let mut window = Allocation::new(device, "the staging buffer", bytes, Purpose::Staging)?;
-    window.zero();
-    Ok(window)
 }

@@ -130,7 +130,7 @@ const METHODS: &[Method] = &[
     #[cfg(feature = "atrbvh")]
     Method {
         name: "trbvh",
-        most: 100,
+        most: 11,
         run: |device, triangles, _| {
             let passes = build::DEFAULT_PASSES;
             let (tree, _, _) = build::trbvh(device, triangles, MortonBits::default(), passes).unwrap();
@@ -139,7 +139,7 @@ const METHODS: &[Method] = &[
     },
     Method {
         name: "k-means",
-        most: 100,
+        most: 11,
         run: |device, triangles, _| {
             let settings = build::KMeansSettings::default();
             let (tree, _) = build::kmeans(device, triangles, MortonBits::default(), &settings).unwrap();
@@ -148,7 +148,7 @@ const METHODS: &[Method] = &[
     },
     Method {
         name: "presplit",
-        most: 100,
+        most: 18,
         run: |device, triangles, _| drop(presplit(device, triangles, &PresplitSettings::default()).unwrap()),
     },
     Method { name: "worst first", most: 20, run: |device, _, tree| prbvh(device, tree, Order::WorstFirst) },
