@@ -124,7 +124,6 @@ fn an_end_while_a_tree_is_built_is_an_error_by_name() {
     let scene = built_in(6000);
     let go_on = &mut |_: &IterationRow| -> ControlFlow<()> { panic!("there is no tree") };
     for (initial, label) in [
-        (Initial::Lbvh, "setup"),
         (Initial::Lbvh, "morton"),
         (Initial::Lbvh, "hierarchy"),
         (Initial::Ploc { radius: DEFAULT_RADIUS }, "nearest"),

@@ -1,13 +1,13 @@
 //! Every kernel once, on a scene so small that Miri can follow it: `cargo xtask miri`.
 
-use prbvh::build::{DeviceTree, MortonBits};
+use prbvh::build::{DeviceTree, Input, MortonBits, lbvh};
 use prbvh::bvh::{Bvh, BvhNode, Content, NO_NODE, tree_hash};
 use prbvh::device::cpu::CpuDevice;
 use prbvh::device::{self, Command, Device, DeviceError, DeviceInfo, DeviceKind, Recording, Timing};
 use prbvh::optimize::Reoptimizer;
 use prbvh::pipeline::{Initial, Settings, optimize};
 use prbvh::presplit::PresplitSettings;
-use prbvh::scene::Scene;
+use prbvh::scene::{SafeRange, Scene};
 use prbvh::trace::{NO_TRIANGLE, Query, Ray, TraceScene, trace};
 use prbvh::wide::{Layout, PackedTree, WideSettings, Width, collapse};
 use prbvh_cpu_sim::Order;
@@ -183,6 +183,23 @@ fn restored(device: &mut Noting) -> [u32; 2] {
     [left, right]
 }
 
+/// A tree over triangles that are on the device already: that over those of the host.
+fn resident(device: &mut Noting) -> String {
+    let triangles = smallest().triangles;
+    let working = SafeRange::of(&triangles).apply(&triangles);
+    let buffer = Device::allocate(device, "of the caller", working.len(), size_of::<Triangle>()).unwrap();
+    Device::upload(device, &buffer, bytemuck::cast_slice(&working)).unwrap();
+    let [there, here] = [Input::from(&buffer), Input::from(&working)].map(|input| {
+        let (tree, _) = lbvh(device, input, MortonBits::Sixty).unwrap();
+        let hash = tree_hash(&Bvh::from_device(&tree.download(device).unwrap()).unwrap());
+        tree.free(device);
+        hash
+    });
+    Device::free(device, buffer);
+    assert_eq!(there, here);
+    there
+}
+
 /// The smallest scene in motion, which the CPU device follows by subtrees and others by a climb.
 fn followed(device: &mut Noting) -> String {
     let triangles = smallest().triangles;
@@ -268,6 +285,7 @@ fn every_kernel_runs_and_every_order_gives_the_same() {
             if atomics_64 && !(cfg!(miri) && order == Order::Parallel) {
                 made.insert("rays".to_owned(), format!("{:?}", rays(&mut device)));
             }
+            made.insert("resident".to_owned(), resident(&mut device));
             made.insert("followed".to_owned(), followed(&mut device));
             made.insert("restored".to_owned(), format!("{:?}", restored(&mut device)));
             assert_eq!(device.memory().bytes, 0);

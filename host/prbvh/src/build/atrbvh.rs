@@ -1,11 +1,9 @@
 //! ATRBVH: passes of treelet restructuring by agglomerative clustering (Domingues & Pedrini 2015).
 
 use super::treelets::{Pass, Restructured, Way, lbvh_by, restructure_by};
-use super::{Codes, DeviceTree, TreeletSize, UnfitTree};
+use super::{Codes, DeviceTree, Input, TreeletSize, UnfitTree};
 use crate::device::{Device, DeviceError, Timing};
 use prbvh_kernel::Kernel;
-use prbvh_kernel::setup::Triangle;
-use std::borrow::Cow;
 
 /// Builds an LBVH over `triangles`, whose coordinates are in the safe range (`crate::scene::SafeRange`), and restructures it. Returns the tree with
 /// the times of its stages and its passes. Triangles that are handed over are freed as soon as the device has them.
@@ -14,7 +12,7 @@ use std::borrow::Cow;
 /// If there are no triangles, they do not fit the device or [are out of range](crate::scene::SafeRange::check), or the device fails.
 pub fn atrbvh<'a>(
     device: &mut dyn Device,
-    triangles: impl Into<Cow<'a, [Triangle]>>,
+    triangles: impl Into<Input<'a>>,
     codes: impl Into<Codes>,
     treelet: TreeletSize,
 ) -> Result<(DeviceTree, Vec<Timing>, Vec<Pass>), DeviceError> {

@@ -2,12 +2,10 @@
 
 use super::codes::Codes;
 use super::order::MortonOrder;
-use super::{DeviceTree, Scratch};
+use super::{DeviceTree, Input, Scratch};
 use crate::device::{Device, DeviceError, Lease, Recording, Timing};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::hploc::{HplocParams, STEPS};
-use prbvh_kernel::setup::Triangle;
-use std::borrow::Cow;
 use std::num::NonZeroU32;
 
 /// Radius where none is asked for, as published.
@@ -27,7 +25,7 @@ const STAGES_UNASKED: u32 = 10;
 /// If there are no triangles, they do not fit the device or [are out of range](crate::scene::SafeRange::check), or the device fails.
 pub fn hploc<'a>(
     device: &mut dyn Device,
-    triangles: impl Into<Cow<'a, [Triangle]>>,
+    triangles: impl Into<Input<'a>>,
     codes: impl Into<Codes>,
     radius: NonZeroU32,
 ) -> Result<(DeviceTree, Vec<Timing>), DeviceError> {

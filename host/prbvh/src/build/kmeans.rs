@@ -4,7 +4,7 @@
 use super::codes::Codes;
 use super::order::MortonOrder;
 use super::sort::Sorter;
-use super::{DeviceTree, Scratch, arrivals_length, record_refit};
+use super::{DeviceTree, Input, Scratch, arrivals_length, record_refit};
 use crate::check::{SettingError, must};
 use crate::device::{Buffer, Device, DeviceError, Lease, Recording, Timing};
 use crate::parameters::parameters;
@@ -13,9 +13,7 @@ use prbvh_kernel::kmeans::{
     AssignParams, CHUNK, CentresParams, Frame, HalveParams, JoinParams, MOST_CANDIDATES, MOST_CLUSTERS, MeansParams,
     PER_CLUSTER, Part, Point, RelabelParams, TALLY_WORDS, TallyParams,
 };
-use prbvh_kernel::setup::Triangle;
 use prbvh_kernel::{Kernel, grid};
-use std::borrow::Cow;
 
 /// Settings of [`kmeans`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,7 +100,7 @@ pub enum KMeansError {
 /// If a setting makes no sense, there are no triangles, they do not fit the device or [are out of range](crate::scene::SafeRange::check), or the device fails.
 pub fn kmeans<'a>(
     device: &mut dyn Device,
-    triangles: impl Into<Cow<'a, [Triangle]>>,
+    triangles: impl Into<Input<'a>>,
     codes: impl Into<Codes>,
     settings: &KMeansSettings,
 ) -> Result<(DeviceTree, Vec<Timing>), KMeansError> {
@@ -113,7 +111,7 @@ pub fn kmeans<'a>(
 /// [`kmeans`] with settings that make sense.
 pub(crate) fn kmeans_unchecked<'a>(
     device: &mut dyn Device,
-    triangles: impl Into<Cow<'a, [Triangle]>>,
+    triangles: impl Into<Input<'a>>,
     codes: impl Into<Codes>,
     settings: &KMeansSettings,
 ) -> Result<(DeviceTree, Vec<Timing>), DeviceError> {

@@ -2,10 +2,8 @@
 
 use super::codes::Codes;
 use super::order::MortonOrder;
-use super::{DeviceTree, Scratch, arrivals_length, record_refit};
+use super::{DeviceTree, Input, Scratch, arrivals_length, record_refit};
 use crate::device::{Device, DeviceError, Lease, Recording, Timing};
-use prbvh_kernel::setup::Triangle;
-use std::borrow::Cow;
 
 /// Builds a tree over `triangles`, whose coordinates are in the safe range (`crate::scene::SafeRange`). Returns it with the
 /// times of its stages. Triangles that are handed over are freed as soon as the device has them.
@@ -14,7 +12,7 @@ use std::borrow::Cow;
 /// If there are no triangles, they do not fit the device or [are out of range](crate::scene::SafeRange::check), or the device fails.
 pub fn lbvh<'a>(
     device: &mut dyn Device,
-    triangles: impl Into<Cow<'a, [Triangle]>>,
+    triangles: impl Into<Input<'a>>,
     codes: impl Into<Codes>,
 ) -> Result<(DeviceTree, Vec<Timing>), DeviceError> {
     let device = &mut Lease::new(device);

@@ -11,6 +11,7 @@ mod cut;
 #[cfg(feature = "files")]
 mod from_file;
 mod hploc;
+mod input;
 mod kmeans;
 mod lbvh;
 mod links;
@@ -45,6 +46,7 @@ pub(crate) use cut::{hunt_until, phr_until};
 #[cfg(feature = "files")]
 pub use from_file::{TreeOfFileError, from_file};
 pub use hploc::{DEFAULT_HPLOC_RADIUS, hploc};
+pub use input::Input;
 pub(crate) use kmeans::kmeans_unchecked;
 pub use kmeans::{KMeansError, KMeansSettings, kmeans};
 pub use lbvh::lbvh;

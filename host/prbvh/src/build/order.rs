@@ -2,15 +2,20 @@
 
 use super::codes::{Codes, MortonBits, morton_params};
 use super::sort::Sorter;
-use super::{Scratch, check_limits};
+use super::{Input, Scratch, check_limits};
 use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
 use crate::scene::SafeRange;
+use bytemuck::Zeroable;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::lbvh::{HierarchyParams, LeavesParams};
 use prbvh_kernel::setup::{BOUNDS_CHUNK, BoundsParams, BoxesParams, Triangle};
 use prbvh_kernel::sort::GatherParams;
 use prbvh_kernel::{Kernel, grid};
-use std::borrow::Cow;
+use rayon::prelude::*;
+use std::time::Instant;
+
+/// Boxes that are worth a thread.
+const AT_ONCE: usize = 1 << 12;
 
 /// The references in Morton order. All but `boxes` is there when the recording has run.
 #[derive(Debug)]
@@ -34,25 +39,28 @@ pub(super) struct MortonOrder {
 impl MortonOrder {
     /// Computes the boxes and records codes and sort. Triangles that are handed over are freed in between. Returns the times of what has run.
     ///
+    /// The boxes of triangles of the host are made on their way to the device: they are two thirds of the bytes, and the box of the scene, on which the codes
+    /// depend, is known without waiting for the device.
+    ///
     /// # Errors
     /// If there are no triangles, they do not fit the device or are out of range, or the device fails.
     pub(super) fn record(
         recording: &mut Recording,
         device: &mut dyn Device,
-        triangles: Cow<'_, [Triangle]>,
+        triangles: Input<'_>,
         plan: Codes,
     ) -> Result<(Self, Vec<Timing>), DeviceError> {
-        if triangles.is_empty() {
-            return Err(DeviceError::Buffer { label: "triangles", problem: "a tree needs at least one".to_owned() });
-        }
-        check_limits(device.info(), triangles.len())?;
-        let references = u32::try_from(triangles.len()).expect("checked against the limit of indices");
+        let length = triangles.len()?;
+        check_limits(device.info(), length)?;
+        let references = u32::try_from(length).expect("checked against the limit of indices");
         let (mut scratch, mut codes) = (Scratch::default(), Scratch::default());
-        let boxes = scratch.allocate(device, "boxes", triangles.len(), size_of::<Aabb>())?;
-        let (scene_box, timings) = setup(device, &triangles, &boxes)?;
+        let boxes = scratch.allocate(device, "boxes", length, size_of::<Aabb>())?;
+        let (scene_box, timings) = match triangles {
+            Input::Host(triangles) => upload_boxes(device, &triangles, &boxes)?,
+            Input::Device(triangles) => setup(device, &triangles, references, &boxes)?,
+        };
         SafeRange::check(&scene_box)?;
-        drop(triangles);
-        let order = scratch.allocate(device, "order", references as usize, 4)?;
+        let order = scratch.allocate(device, "order", length, 4)?;
         let (high, low) = record_codes(recording, &mut codes, device, references, (&boxes, &order), plan, scene_box)?;
         Ok((Self { references, scene_box, boxes, order, high, low, scratch, codes }, timings))
     }
@@ -83,14 +91,41 @@ impl MortonOrder {
     }
 }
 
-/// Boxes of the triangles, and the scene's.
-fn setup(device: &mut dyn Device, triangles: &[Triangle], boxes: &Buffer) -> Result<(Aabb, Vec<Timing>), DeviceError> {
+/// Puts the boxes of triangles of the host on the device; returns the scene's.
+fn upload_boxes(
+    device: &mut dyn Device,
+    triangles: &[Triangle],
+    boxes: &Buffer,
+) -> Result<(Aabb, Vec<Timing>), DeviceError> {
+    let start = Instant::now();
+    let mut scene_box = None;
+    device.upload_with(boxes, size_of::<Aabb>() * triangles.len(), &mut |first, piece| {
+        let piece: &mut [Aabb] = bytemuck::cast_slice_mut(piece);
+        let from = &triangles[first / size_of::<Aabb>()..][..piece.len()];
+        let write = |(to, triangle): (&mut Aabb, &Triangle)| {
+            *to = triangle.aabb();
+            *to
+        };
+        // Of equal bounds the union takes the later: however it is cut, the bits are the same.
+        let united =
+            piece.par_iter_mut().zip(from).with_min_len(AT_ONCE).map(write).reduce(|| Aabb::EMPTY, Aabb::union);
+        scene_box = Some(scene_box.unwrap_or(Aabb::EMPTY).union(united));
+    })?;
+    // A device that only counts wants no bytes.
+    let scene_box = scene_box.unwrap_or_else(Aabb::zeroed);
+    Ok((scene_box, vec![Timing { label: "setup", seconds: start.elapsed().as_secs_f64() }]))
+}
+
+/// Boxes of triangles on the device, and the scene's.
+fn setup(
+    device: &mut dyn Device,
+    triangles: &Buffer,
+    mut count: u32,
+    boxes: &Buffer,
+) -> Result<(Aabb, Vec<Timing>), DeviceError> {
     let mut scratch = Scratch::default();
-    let input = scratch.allocate(device, "triangles", triangles.len(), size_of::<Triangle>())?;
-    device.upload(&input, bytemuck::cast_slice(triangles))?;
     let mut recording = Recording::new();
-    let mut count = u32::try_from(triangles.len()).expect("checked against the limit of indices");
-    recording.dispatch("setup", Kernel::SetupBoxes, count, &BoxesParams { count }, &[&input, boxes]);
+    recording.dispatch("setup", Kernel::SetupBoxes, count, &BoxesParams { count }, &[triangles, boxes]);
     let mut from = boxes.clone();
     while count > 1 {
         let groups = count.div_ceil(BOUNDS_CHUNK);

@@ -2,14 +2,12 @@
 
 use super::codes::Codes;
 use super::order::MortonOrder;
-use super::{DeviceTree, Scratch};
+use super::{DeviceTree, Input, Scratch};
 use crate::device::{Buffer, Device, DeviceError, Lease, Recording, Timing};
 use prbvh_kernel::ploc::merge::{MOST_GROUPS, MergeParams};
 use prbvh_kernel::ploc::nearest::NearestParams;
 use prbvh_kernel::ploc::{Cluster, ClustersParams, Progress};
-use prbvh_kernel::setup::Triangle;
 use prbvh_kernel::{Kernel, grid};
-use std::borrow::Cow;
 use std::num::NonZeroU32;
 
 /// Radius where none is asked for. Over ten scenes (1,000 to 330,000 triangles) the mean cost was 0.8 % higher with 10 and 0.7 % lower with
@@ -31,7 +29,7 @@ const ROUNDS_UNASKED: u32 = 8;
 /// If there are no triangles, they do not fit the device or [are out of range](crate::scene::SafeRange::check), or the device fails.
 pub fn ploc<'a>(
     device: &mut dyn Device,
-    triangles: impl Into<Cow<'a, [Triangle]>>,
+    triangles: impl Into<Input<'a>>,
     codes: impl Into<Codes>,
     radius: NonZeroU32,
 ) -> Result<(DeviceTree, Vec<Timing>, Progress), DeviceError> {

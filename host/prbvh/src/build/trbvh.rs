@@ -1,12 +1,10 @@
 //! TRBVH: passes of treelet restructuring, each treelet the best of all over its leaves (Karras & Aila 2013).
 
 use super::treelets::{Pass, Restructured, Way, lbvh_by, restructure_by};
-use super::{Codes, DeviceTree, UnfitTree};
+use super::{Codes, DeviceTree, Input, UnfitTree};
 use crate::device::{Device, DeviceError, Timing};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::atrbvh::OPTIMAL_TREELET;
-use prbvh_kernel::setup::Triangle;
-use std::borrow::Cow;
 use std::num::NonZeroU32;
 
 /// Builds an LBVH over `triangles`, whose coordinates are in the safe range (`crate::scene::SafeRange`), and restructures it. Returns the tree with
@@ -16,7 +14,7 @@ use std::num::NonZeroU32;
 /// If there are no triangles, they do not fit the device or [are out of range](crate::scene::SafeRange::check), or the device fails.
 pub fn trbvh<'a>(
     device: &mut dyn Device,
-    triangles: impl Into<Cow<'a, [Triangle]>>,
+    triangles: impl Into<Input<'a>>,
     codes: impl Into<Codes>,
     passes: NonZeroU32,
 ) -> Result<(DeviceTree, Vec<Timing>, Vec<Pass>), DeviceError> {

@@ -1,13 +1,11 @@
 //! Passes over the treelets of a tree: which they are, and a dispatch for each level of them. What becomes of a treelet is a kernel's.
 
 use super::sort::Sorter;
-use super::{Codes, DeviceTree, Scratch, lbvh};
+use super::{Codes, DeviceTree, Input, Scratch, lbvh};
 use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
 use prbvh_kernel::Kernel;
 use prbvh_kernel::atrbvh::{LevelsParams, RestructureParams};
-use prbvh_kernel::setup::Triangle;
 use prbvh_kernel::status::{APPLIED, FAULTS, REPORT_WORDS};
-use std::borrow::Cow;
 
 /// What a pass over the tree did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,7 +53,7 @@ pub(super) struct Way {
 /// An LBVH that is restructured, with the times of its stages and the passes.
 pub(super) fn lbvh_by<'a>(
     device: &mut dyn Device,
-    triangles: impl Into<Cow<'a, [Triangle]>>,
+    triangles: impl Into<Input<'a>>,
     codes: impl Into<Codes>,
     way: Way,
 ) -> Result<(DeviceTree, Vec<Timing>, Vec<Pass>), DeviceError> {

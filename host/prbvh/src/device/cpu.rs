@@ -123,7 +123,7 @@ impl Device for CpuDevice {
         self.traffic.bytes_in += bytes as u64;
         let mut whole = self.sim.bytes_mut(id);
         let written = &mut whole[..bytes];
-        self.sim.install(|| fill(&mut *written));
+        self.sim.install(|| fill(0, &mut *written));
         Ok(())
     }
 
@@ -199,7 +199,7 @@ mod tests {
         assert_eq!((device.memory().bytes, other.memory().bytes), (8, 8));
         other.upload(&foreign, &[7; 8]).unwrap();
         assert_eq!(device.upload(&own, &[7; 9]).unwrap_err().to_string(), "buffer own: 9 bytes wanted, but it has 8");
-        let error = device.upload_with(&own, 12, &mut |_| panic!("there is no room")).unwrap_err();
+        let error = device.upload_with(&own, 12, &mut |_, _| panic!("there is no room")).unwrap_err();
         assert_eq!(error.to_string(), "buffer own: 12 bytes wanted, but it has 8");
         assert!(device.download_from(&own, 5, &mut [0; 4]).is_err());
         device.free(own.clone());

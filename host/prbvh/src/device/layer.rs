@@ -146,7 +146,7 @@ mod tests {
         layer.upload(&buffer, &[7; 8]).unwrap();
         layer.0.download(&buffer, &mut bytes).unwrap();
         assert_eq!(bytes, [7; 8]);
-        layer.upload_with(&buffer, 4, &mut |bytes| bytes.fill(9)).unwrap();
+        layer.upload_with(&buffer, 4, &mut |_, bytes| bytes.fill(9)).unwrap();
         layer.download(&buffer, &mut bytes).unwrap();
         assert_eq!(bytes, [9, 9, 9, 9, 7, 7, 7, 7]);
         let mut recording = Recording::new();

@@ -33,8 +33,8 @@ pub(crate) use watched::Watched;
 
 use crate::scene::OutOfRange;
 
-/// What writes the bytes of a buffer ([`Device::upload_with`]).
-pub type Fill<'a> = &'a mut (dyn FnMut(&mut [u8]) + Send);
+/// What writes the bytes of a buffer, a piece of them at a time, from the byte on that is given ([`Device::upload_with`]).
+pub type Fill<'a> = &'a mut (dyn FnMut(usize, &mut [u8]) + Send);
 
 /// Runs recordings on buffers that it owns.
 pub trait Device {
@@ -57,14 +57,15 @@ pub trait Device {
     fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError>;
 
     /// Has `fill` write the first `bytes` bytes of the buffer, a multiple of 4, on the threads that [`Device::run_on_host`] lends: without a copy of them in
-    /// between where the device is the host. What `fill` finds there means nothing; it is aligned to words. It is called once.
+    /// between where the device is the host, and while the device takes the piece before where it is not. Pieces come in order, all of whole elements and aligned to
+    /// words; what `fill` finds there means nothing.
     ///
     /// # Errors
     /// If the device fails.
     fn upload_with(&mut self, buffer: &Buffer, bytes: usize, fill: Fill<'_>) -> Result<(), DeviceError> {
         let mut words = vec![0u32; bytes.div_ceil(4)];
         let written = &mut bytemuck::cast_slice_mut(&mut words)[..bytes];
-        self.run_on_host(&mut || fill(&mut *written));
+        self.run_on_host(&mut || fill(0, &mut *written));
         self.upload(buffer, written)
     }
 

@@ -9,6 +9,8 @@ use super::{Command, Recording};
 pub struct Traffic {
     /// Times that the host handed work to the device and waited for its end; on a CPU device, recordings.
     pub submissions: u64,
+    /// Times that it handed work over and went on: pieces of long uploads.
+    pub ahead: u64,
     /// Dispatches of kernels, whether or not a list that they run over was empty.
     pub dispatches: u64,
     /// Buffers allocated.
@@ -32,6 +34,7 @@ impl Traffic {
     pub fn since(self, earlier: Self) -> Self {
         Self {
             submissions: self.submissions - earlier.submissions,
+            ahead: self.ahead - earlier.ahead,
             dispatches: self.dispatches - earlier.dispatches,
             allocations: self.allocations - earlier.allocations,
             bytes_in: self.bytes_in - earlier.bytes_in,

@@ -3,7 +3,7 @@
 use super::{Omission, PhaseBytes};
 use crate::build::{self, Codes, DeviceTree};
 use crate::collapse;
-use crate::device::{Buffer, Command, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing, Traffic};
+use crate::device::{Buffer, Command, Device, DeviceError, DeviceInfo, Fill, MemoryUse, Recording, Timing, Traffic};
 use crate::optimize::{
     Limits, Order, PrbvhSettings, RotationSettings, later_kernels, prbvh_unchecked, rotations_unchecked,
 };
@@ -229,6 +229,10 @@ impl Device for DryDevice {
     }
 
     fn upload(&mut self, _: &Buffer, _: &[u8]) -> Result<(), DeviceError> {
+        Ok(())
+    }
+
+    fn upload_with(&mut self, _: &Buffer, _: usize, _: Fill<'_>) -> Result<(), DeviceError> {
         Ok(())
     }
 

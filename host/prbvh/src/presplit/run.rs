@@ -121,17 +121,16 @@ impl Stage {
         let mut recording = Recording::new();
         let buffers = [&self.triangles, &self.priorities];
         recording.dispatch(LABEL, Kernel::PresplitPriorities, self.count, params, &buffers);
-        self.timings.extend(device.run(&recording)?);
         let mut interval = Interval::whole();
         let [_, most] = interval.ends();
-        if totals(&self.sums(device, [most; SCALES as usize])?)[0] == 0 {
+        if totals(&self.sums(device, recording, [most; SCALES as usize])?)[0] == 0 {
             return Ok(None);
         }
         while !interval.is_found() {
-            interval = interval.narrowed(totals(&self.sums(device, interval.scales())?), budget);
+            interval = interval.narrowed(totals(&self.sums(device, Recording::new(), interval.scales())?), budget);
         }
         let ends = interval.ends();
-        let sums = self.sums(device, std::array::from_fn(|k| ends[k.min(1)]))?;
+        let sums = self.sums(device, Recording::new(), std::array::from_fn(|k| ends[k.min(1)]))?;
         let lengths = (0..self.chunks).map(|chunk| CHUNK.min(self.count - chunk * CHUNK));
         let (shares, pieces) = shares(&sums, lengths, budget);
         device.upload(&self.shares, bytemuck::cast_slice(&shares))?;
@@ -153,12 +152,16 @@ impl Stage {
         Ok(Some(made))
     }
 
-    /// Splits of each chunk by each of the scales.
-    fn sums(&mut self, device: &mut dyn Device, scales: Scales) -> Result<Vec<u32>, DeviceError> {
+    /// Splits of each chunk by each of the scales, after what was recorded.
+    fn sums(
+        &mut self,
+        device: &mut dyn Device,
+        mut recording: Recording,
+        scales: Scales,
+    ) -> Result<Vec<u32>, DeviceError> {
         device.upload(&self.scales, bytemuck::cast_slice(&scales))?;
         let count = grid::invocations(self.chunks);
         let params = SumsParams { count, triangles: self.count };
-        let mut recording = Recording::new();
         let buffers = [&self.priorities, &self.scales, &self.sums];
         recording.dispatch(LABEL, Kernel::PresplitSums, count, &params, &buffers);
         recording.fetch(LABEL, &self.sums, self.sums.bytes() as usize);

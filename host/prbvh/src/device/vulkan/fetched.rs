@@ -2,11 +2,12 @@
 
 use super::buffers::Buffers;
 use super::logical::LogicalDevice;
-use super::memory::{Allocation, Purpose, Range};
+use super::memory::{Allocation, Range};
 use crate::device::{Command, DeviceError};
 use ash::vk;
 use std::sync::Arc;
 
+const WHAT: &str = "the buffer of fetched bytes";
 const FIRST_BYTES: u64 = 16 << 10;
 
 /// A buffer that the host can read, and what the last run left there.
@@ -26,7 +27,11 @@ struct Part {
 impl Fetched {
     /// Nothing fetched.
     pub(super) fn new(device: &Arc<LogicalDevice>) -> Result<Self, DeviceError> {
-        Ok(Self { device: Arc::clone(device), window: window(device, FIRST_BYTES)?, parts: Vec::new() })
+        Ok(Self {
+            device: Arc::clone(device),
+            window: Allocation::window(device, WHAT, FIRST_BYTES)?,
+            parts: Vec::new(),
+        })
     }
 
     /// Forgets what was fetched and makes room for what a recording fetches.
@@ -45,7 +50,7 @@ impl Fetched {
             }
         }
         if wanted > self.window.bytes() {
-            self.window = window(&self.device, wanted.next_power_of_two())?;
+            self.window = Allocation::window(&self.device, WHAT, wanted.next_power_of_two())?;
         }
         Ok(())
     }
@@ -73,10 +78,4 @@ impl Fetched {
     pub(super) fn forget(&mut self) {
         self.parts.clear();
     }
-}
-
-fn window(device: &Arc<LogicalDevice>, bytes: u64) -> Result<Allocation, DeviceError> {
-    let mut window = Allocation::new(device, "the buffer of fetched bytes", bytes, Purpose::Staging)?;
-    window.zero();
-    Ok(window)
 }

@@ -166,6 +166,13 @@ impl Allocation {
         Ok(Self { buffer: Handle::Own(buffer), mapping, _memory: Some(memory), bytes })
     }
 
+    /// A buffer of zeros through which bytes pass.
+    pub(super) fn window(device: &Arc<LogicalDevice>, what: &str, bytes: u64) -> Result<Self, DeviceError> {
+        let mut window = Self::new(device, what, bytes, Purpose::Staging)?;
+        window.zero();
+        Ok(window)
+    }
+
     /// A part of a buffer of the caller's, which lives as long.
     pub(super) fn of_caller(buffer: vk::Buffer, offset: u64, bytes: u64) -> Self {
         Self { buffer: Handle::Callers(buffer, offset), mapping: None, _memory: None, bytes }

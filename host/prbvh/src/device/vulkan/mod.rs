@@ -5,17 +5,18 @@
 //! | `instance`, `messages` | the library, the instances of the process, the reports of the validation layer |
 //! | `limits`, `selection` | what a device is and lacks; which one to open |
 //! | `logical`, `objects` | an opened device, and Vulkan objects that destroy themselves |
-//! | `heap`, `memory`, `buffers`, `staging` | blocks of memory, buffers in them, and bytes on their way to and from them |
+//! | `heap`, `memory`, `buffers`, `staging`, `ring` | blocks of memory, buffers in them, and bytes on their way to and from them |
 //! | `shaders`, `pipeline`, `cache` | SPIR-V → pipelines, kept between runs of the program |
 //! | `statistics` | what a driver made of the kernels: registers, spills, instructions |
 //! | `external`, `features` | the Vulkan of the caller, and what it must be created with |
-//! | `run`, `descriptors`, `timestamps`, `submit`, `fetched` | a recording → one submission, with what goes before it and comes back with it |
+//! | `run`, `descriptors`, `timestamps`, `commands`, `submit`, `fetched` | a recording → one submission, with what goes before it and comes back with it |
 //!
-//! The device is at rest whenever no call of this module runs: every submission is waited for.
+//! The device is at rest whenever no call of this module runs: every submission is waited for; only within a long upload the host goes on meanwhile.
 #![allow(unsafe_code, reason = "every Vulkan call is unsafe; each block is one call and says why it is right")]
 
 mod buffers;
 mod cache;
+mod commands;
 mod descriptors;
 mod error;
 mod external;
@@ -29,6 +30,7 @@ mod memory;
 mod messages;
 mod objects;
 mod pipeline;
+mod ring;
 mod run;
 mod selection;
 mod shaders;
@@ -50,7 +52,7 @@ pub use shaders::needs_atomics_64;
 pub use statistics::{Executable, KernelStatistics, Statistic, StatisticValue, kernel_statistics};
 
 use super::Selection;
-use super::{Buffer, Device, DeviceError, DeviceInfo, MemoryUse, Recording, Timing, Traffic};
+use super::{Buffer, Device, DeviceError, DeviceInfo, Fill, MemoryUse, Recording, Timing, Traffic};
 use buffers::Buffers;
 use cache::StoredCache;
 use instance::Instance;
@@ -166,16 +168,29 @@ impl VulkanDevice {
         zeroed.map(|()| buffer)
     }
 
-    fn copy_in(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
-        let allocation = self.buffers.find_mut(buffer, bytes.len())?;
-        self.traffic.bytes_in += bytes.len() as u64;
+    /// Has `fill` write the first `bytes` bytes, in pieces of whole elements of so many bytes.
+    fn copy_in(
+        &mut self,
+        buffer: &Buffer,
+        (bytes, element): (usize, usize),
+        fill: &mut dyn FnMut(usize, &mut [u8]),
+    ) -> Result<(), DeviceError> {
+        let allocation = self.buffers.find_mut(buffer, bytes)?;
+        self.traffic.bytes_in += bytes as u64;
         self.runner.forget_fetched();
         if let Some(content) = allocation.mapped() {
-            content[..bytes.len()].copy_from_slice(bytes);
+            fill(0, &mut content[..bytes]);
             return Ok(());
         }
-        let Range { buffer, offset, .. } = allocation.range();
-        self.staging.upload(&mut self.submitter, (buffer, offset), bytes)
+        if bytes == 0 {
+            return Ok(());
+        }
+        let Range { buffer, offset, bytes: all } = allocation.range();
+        // Nobody sees what was to be there before; the words of a buffer that ends within one are zeroed as a whole.
+        if allocation.is_own() && bytes as u64 == all && bytes.is_multiple_of(4) {
+            self.submitter.forget(buffer);
+        }
+        self.staging.upload(&mut self.submitter, (buffer, offset), (bytes, element), fill)
     }
 
     fn copy_out(&mut self, buffer: &Buffer, first: usize, bytes: &mut [u8]) -> Result<(), DeviceError> {
@@ -226,7 +241,13 @@ impl Device for VulkanDevice {
     }
 
     fn upload(&mut self, buffer: &Buffer, bytes: &[u8]) -> Result<(), DeviceError> {
-        let done = self.copy_in(buffer, bytes);
+        let mut copy = |first: usize, piece: &mut [u8]| piece.copy_from_slice(&bytes[first..][..piece.len()]);
+        let done = self.copy_in(buffer, (bytes.len(), 1), &mut copy);
+        self.validated(done)
+    }
+
+    fn upload_with(&mut self, buffer: &Buffer, bytes: usize, fill: Fill<'_>) -> Result<(), DeviceError> {
+        let done = self.copy_in(buffer, (bytes, buffer.element_bytes.max(1)), fill);
         self.validated(done)
     }
 
@@ -246,6 +267,7 @@ impl Device for VulkanDevice {
     }
 
     fn traffic(&self) -> Traffic {
-        Traffic { submissions: self.submitter.submissions(), ..self.traffic }
+        let [submissions, ahead] = self.submitter.submissions();
+        Traffic { submissions, ahead, ..self.traffic }
     }
 }

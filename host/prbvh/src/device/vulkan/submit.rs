@@ -3,9 +3,9 @@
 //! What only has to be done before the next work, zeros and bytes from the host, waits for it and goes in front: a submission by itself costs more than
 //! most of these take.
 
+use super::commands::Commands;
 use super::error::{Call, failed};
 use super::logical::LogicalDevice;
-use super::objects::{CommandPool, Fence};
 use crate::device::DeviceError;
 use ash::vk;
 use std::sync::Arc;
@@ -21,11 +21,11 @@ const WAIT: &str = "vkWaitForFences";
 /// One command buffer, submitted again and again.
 pub(super) struct Submitter {
     device: Arc<LogicalDevice>,
-    pool: CommandPool,
-    commands: vk::CommandBuffer,
-    fence: Fence,
+    commands: Commands,
     first: Vec<First>,
     submissions: u64,
+    /// Those that nobody waited for at once.
+    ahead: u64,
     /// What the next submission waits for: semaphores of the caller, and values of those that have a timeline.
     waits: Vec<(vk::Semaphore, u64)>,
 }
@@ -48,33 +48,13 @@ impl First {
 impl Submitter {
     /// A command buffer for the queue of the device.
     pub(super) fn new(device: &Arc<LogicalDevice>) -> Result<Self, DeviceError> {
-        let info = vk::CommandPoolCreateInfo::default()
-            .flags(vk::CommandPoolCreateFlags::TRANSIENT)
-            .queue_family_index(device.physical().queue_family);
-        // SAFETY: the device has a queue of this family.
-        let pool = unsafe { CommandPool::new(device, &info) }?;
-        let info = vk::CommandBufferAllocateInfo::default()
-            .command_pool(pool.raw())
-            .level(vk::CommandBufferLevel::PRIMARY)
-            .command_buffer_count(1);
-        // SAFETY: the pool is alive; it frees the command buffer at its end.
-        let commands = unsafe { device.raw().allocate_command_buffers(&info) }.call("vkAllocateCommandBuffers")?[0];
-        // SAFETY: a fence takes no parameters.
-        let fence = unsafe { Fence::new(device, &vk::FenceCreateInfo::default()) }?;
-        Ok(Self {
-            device: Arc::clone(device),
-            pool,
-            commands,
-            fence,
-            first: Vec::new(),
-            submissions: 0,
-            waits: Vec::new(),
-        })
+        let (device, commands) = (Arc::clone(device), Commands::new(device)?);
+        Ok(Self { device, commands, first: Vec::new(), submissions: 0, ahead: 0, waits: Vec::new() })
     }
 
-    /// How many submissions there were.
-    pub(super) fn submissions(&self) -> u64 {
-        self.submissions
+    /// How many submissions there were, and how many ahead.
+    pub(super) fn submissions(&self) -> [u64; 2] {
+        [self.submissions, self.ahead]
     }
 
     /// Has a buffer zeroed before the next work. It must live until then or until [`Submitter::forget`].
@@ -136,27 +116,55 @@ impl Submitter {
     ) -> Result<(), DeviceError> {
         self.check()?;
         self.submissions += 1;
-        // Whatever becomes of the submission: nothing is done twice.
-        let first = std::mem::take(&mut self.first);
-        let (device, commands) = (self.device.raw(), self.commands);
-        // SAFETY: the last submission has ended: `submit` returns after its end.
-        unsafe { device.reset_command_pool(self.pool.raw(), vk::CommandPoolResetFlags::empty()) }
-            .call("vkResetCommandPool")?;
-        let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        // SAFETY: the command buffer was just reset.
-        unsafe { device.begin_command_buffer(commands, &info) }.call("vkBeginCommandBuffer")?;
-        barrier(device, commands, BEFORE_ALL);
-        record_first(device, commands, &first);
-        record(device, commands);
-        barrier(device, commands, AFTER_ALL);
-        // SAFETY: the command buffer is being recorded.
-        unsafe { device.end_command_buffer(commands) }.call("vkEndCommandBuffer")?;
+        let before = self.before();
+        // SAFETY: the last submission has ended: this returns after its end.
+        unsafe { self.send(&self.commands, before, record, signals) }?;
+        self.wait(&self.commands)
+    }
 
-        let fences = [self.fence.raw()];
-        // SAFETY: the fence is not in use: the last submission has ended.
-        unsafe { device.reset_fences(&fences) }.call("vkResetFences")?;
-        let buffers = [commands];
-        let (wait_for, wait_values): (Vec<_>, Vec<_>) = std::mem::take(&mut self.waits).into_iter().unzip();
+    /// As [`Submitter::submit`], but does not wait for the end: [`Submitter::wait`] does. What comes next runs after it.
+    ///
+    /// # Safety
+    /// The last submission of `commands` has ended. Nothing that this one needs ends or is touched by the host before its end.
+    pub(super) unsafe fn submit_ahead(
+        &mut self,
+        commands: &Commands,
+        record: impl FnOnce(&ash::Device, vk::CommandBuffer),
+    ) -> Result<(), DeviceError> {
+        self.check()?;
+        self.ahead += 1;
+        let before = self.before();
+        // SAFETY: the caller's duty.
+        unsafe { self.send(commands, before, record, &[]) }
+    }
+
+    /// What a submission does first and waits for. Whatever becomes of it: nothing is done twice.
+    fn before(&mut self) -> (Vec<First>, Vec<(vk::Semaphore, u64)>) {
+        (std::mem::take(&mut self.first), std::mem::take(&mut self.waits))
+    }
+
+    /// Hands commands to the queue.
+    ///
+    /// # Safety
+    /// As [`Submitter::submit_ahead`].
+    unsafe fn send(
+        &self,
+        commands: &Commands,
+        (first, waits): (Vec<First>, Vec<(vk::Semaphore, u64)>),
+        record: impl FnOnce(&ash::Device, vk::CommandBuffer),
+        signals: &[(vk::Semaphore, u64)],
+    ) -> Result<(), DeviceError> {
+        let device = self.device.raw();
+        let recorded = |buffer| {
+            barrier(device, buffer, BEFORE_ALL);
+            record_first(device, buffer, &first);
+            record(device, buffer);
+            barrier(device, buffer, AFTER_ALL);
+        };
+        // SAFETY: the caller's duty.
+        unsafe { commands.record(device, recorded) }?;
+        let buffers = [commands.buffer()];
+        let (wait_for, wait_values): (Vec<_>, Vec<_>) = waits.into_iter().unzip();
         let (signalled, signal_values): (Vec<_>, Vec<_>) = signals.iter().copied().unzip();
         let stages = vec![vk::PipelineStageFlags::ALL_COMMANDS; wait_for.len()];
         let mut values = vk::TimelineSemaphoreSubmitInfo::default()
@@ -171,13 +179,13 @@ impl Submitter {
             info = info.push_next(&mut values);
         }
         let submits = [info];
-        // SAFETY: `&mut self` is the only user of the queue, and the objects of the commands live until the wait has ended.
-        unsafe { device.queue_submit(self.device.queue(), &submits, self.fence.raw()) }.call("vkQueueSubmit")?;
-        self.wait()
+        // SAFETY: `&mut self` is the only user of the queue, and the objects of the commands live until they have ended.
+        unsafe { device.queue_submit(self.device.queue(), &submits, commands.fence()) }.call("vkQueueSubmit")
     }
 
-    fn wait(&self) -> Result<(), DeviceError> {
-        let fences = [self.fence.raw()];
+    /// Waits for the end of commands that were submitted.
+    pub(super) fn wait(&self, commands: &Commands) -> Result<(), DeviceError> {
+        let fences = [commands.fence()];
         let mut waited = Duration::ZERO;
         loop {
             // SAFETY: the fence was submitted with the commands.

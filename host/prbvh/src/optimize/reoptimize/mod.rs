@@ -17,9 +17,9 @@ pub use shapes::Shapes;
 use super::ledger::Report;
 use super::session::no_fault;
 use super::{OptimizeError, WorstFirst};
-use crate::build::DeviceTree;
+use crate::build::{DeviceTree, Input};
 use crate::bvh::{Bvh, Content, links_and_leaves};
-use crate::device::{Device, Held, Lease, on_host};
+use crate::device::{Buffer, Device, Held, Lease, Recording, on_host};
 use crate::references::References;
 use crate::scene::{SafeRange, stand_in};
 use edit::Edited;
@@ -150,9 +150,29 @@ impl<'d> Reoptimizer<'d> {
         // Leaves keep their boxes until the refit.
         let are_good = self.working.take(self.device.get(), shapes)?;
         are_finite(shapes, are_good)?;
+        self.follow(Recording::new())
+    }
+
+    /// [`refit`](Self::refit) to triangles that are on the device already, in a buffer of [`Triangle`]s that stays the caller's: nothing comes from the host.
+    /// That they are finite is the caller's to see to; a box of the scene that is not, or out of range, is an error.
+    ///
+    /// # Errors
+    /// If there are more or fewer triangles, the buffer is none of triangles of this device, they are out of range, or the device fails.
+    pub fn refit_on_device(&mut self, triangles: &Buffer) -> Result<(), ReoptimizeError> {
+        let (have, need) = (Input::from(triangles).len()?, self.primitives() as usize);
+        if have != need {
+            return Err(ReoptimizeError::Count { have, need });
+        }
+        let mut recording = Recording::new();
+        self.working.record_take(&mut recording, triangles);
+        self.follow(recording)
+    }
+
+    /// Makes all boxes anew after what was recorded.
+    fn follow(&mut self, recording: Recording) -> Result<(), ReoptimizeError> {
         self.frames += 1;
         self.begins |= self.frames >= FRAMES_OF_A_WALK;
-        let root = self.working.refit(self.device.get(), self.rotates)?;
+        let root = self.working.refit(self.device.get(), recording, self.rotates)?;
         Ok(SafeRange::check(&root)?)
     }
 
@@ -307,7 +327,7 @@ impl Drop for Reoptimizer<'_> {
 
 /// Takes the boxes of the shapes, if these are all finite.
 fn read(device: &dyn Device, shapes: Shapes<'_>, boxes: &mut [Aabb]) -> Result<(), ReoptimizeError> {
-    are_finite(shapes, on_host(device, || shapes.write(boxes)))
+    are_finite(shapes, on_host(device, || shapes.write(0, boxes)))
 }
 
 /// What is wrong with shapes that are no good.
@@ -336,7 +356,7 @@ fn on_device(device: &mut dyn Device, tree: &Bvh, boxes: &[Aabb]) -> Result<Work
     let lease = &mut Lease::new(device);
     let mut working = Working::new(lease, &nodes, ROUNDS)?;
     working.take(lease, boxes.into())?;
-    let root = working.refit(lease, false)?;
+    let root = working.refit(lease, Recording::new(), false)?;
     SafeRange::check(&root)?;
     lease.keep();
     Ok(working)

@@ -25,15 +25,15 @@ impl Shapes<'_> {
         }
     }
 
-    /// Writes the boxes; false if one is not finite or inverted.
-    pub(super) fn write(&self, boxes: &mut [Aabb]) -> bool {
+    /// Writes the boxes from one on; false if one is not finite or inverted.
+    pub(super) fn write(&self, first: usize, boxes: &mut [Aabb]) -> bool {
         match self {
-            Self::Triangles(triangles) => write_all(boxes, triangles, |t| {
+            Self::Triangles(triangles) => write_all(boxes, &triangles[first..], |t| {
                 // A sum of finite numbers that is none is far out of the range anyway.
                 let sum: f32 = t.a.iter().chain(&t.b).chain(&t.c).map(|x| x.abs()).sum();
                 (t.aabb(), sum < f32::INFINITY)
             }),
-            Self::Boxes(from) => write_all(boxes, from, |aabb| {
+            Self::Boxes(from) => write_all(boxes, &from[first..], |aabb| {
                 let is_good = |k: usize| aabb.min[k] <= aabb.max[k] && aabb.max[k] - aabb.min[k] < f32::INFINITY;
                 (*aabb, (0..3).all(is_good))
             }),

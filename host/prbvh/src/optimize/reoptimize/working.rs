@@ -16,6 +16,7 @@ use prbvh_kernel::node::Node;
 use prbvh_kernel::prbvh::worst::RoundParams;
 use prbvh_kernel::refit::RefitParams;
 use prbvh_kernel::rotations::{COUSINS, Offer, RotateParams};
+use prbvh_kernel::setup::BoxesParams;
 use prbvh_kernel::status::REPORT_WORDS;
 use prbvh_kernel::subtrees::{SubtreesParams, TO_LEAVES};
 use prbvh_kernel::sum::scale_of;
@@ -91,15 +92,25 @@ impl Working {
     pub(super) fn take(&self, device: &mut dyn Device, shapes: Shapes<'_>) -> Result<bool, DeviceError> {
         let mut are_good = true;
         let bytes = self.boxes.bytes() as usize;
-        device.upload_with(&self.boxes, bytes, &mut |boxes| {
-            are_good = shapes.write(bytemuck::cast_slice_mut(boxes));
+        device.upload_with(&self.boxes, bytes, &mut |first, boxes| {
+            are_good &= shapes.write(first / size_of::<Aabb>(), bytemuck::cast_slice_mut(boxes));
         })?;
         Ok(are_good)
     }
 
-    /// Makes all boxes anew, and rotates on the way up if `rotates`; returns the root's.
-    pub(super) fn refit(&mut self, device: &mut dyn Device, rotates: bool) -> Result<Aabb, DeviceError> {
-        let mut recording = Recording::new();
+    /// Records the same of as many triangles that are on the device.
+    pub(super) fn record_take(&self, recording: &mut Recording, triangles: &Buffer) {
+        let params = BoxesParams { count: self.tree.references };
+        recording.dispatch("boxes", Kernel::SetupBoxes, params.count, &params, &[triangles, &self.boxes]);
+    }
+
+    /// Makes all boxes anew after what was recorded, and rotates on the way up if `rotates`; returns the root's.
+    pub(super) fn refit(
+        &mut self,
+        device: &mut dyn Device,
+        mut recording: Recording,
+        rotates: bool,
+    ) -> Result<Aabb, DeviceError> {
         self.turn = self.turn.wrapping_add(1);
         if self.by_subtrees {
             self.record_subtrees(&mut recording, rotates);

@@ -4,12 +4,13 @@ use super::super::instance::Instance;
 use super::super::limits::PhysicalDevice;
 use super::super::*;
 use super::{left_out, random_triangles};
-use crate::build::{DeviceTree, MortonBits, lbvh};
+use crate::build::{DeviceTree, Input, MortonBits, lbvh};
 use crate::bvh::{Bvh, tree_hash};
 use crate::device::cpu::CpuDevice;
-use crate::optimize::{PrbvhSettings, prbvh};
+use crate::optimize::{PrbvhSettings, Reoptimizer, prbvh};
 use crate::scene::SafeRange;
 use ash::vk;
+use prbvh_kernel::setup::Triangle;
 use std::ops::ControlFlow;
 
 /// What a caller has.
@@ -126,8 +127,11 @@ fn a_tree_is_made_better_where_the_caller_has_it() {
     prbvh(&mut device, &tree, &settings, &mut |_, _, _| goes_on).unwrap();
     // SAFETY: nobody else signals it.
     unsafe { device.signal(semaphore, 2) }.unwrap();
+    // A driver may tell the host of the semaphore a little later than of the end of the work.
+    let (semaphores, values) = ([semaphore], [2]);
+    let reached = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
     // SAFETY: the semaphore is of this device.
-    assert_eq!(unsafe { caller.raw.device.get_semaphore_counter_value(semaphore) }.unwrap(), 2);
+    unsafe { caller.raw.device.wait_semaphores(&reached, 10_000_000_000) }.unwrap();
 
     let optimized = tree.download(&mut device).unwrap();
     let hash = |nodes: &[_]| tree_hash(&Bvh::from_device(nodes).unwrap().with_boxes_of(&triangles));
@@ -147,6 +151,78 @@ fn a_tree_is_made_better_where_the_caller_has_it() {
         raw.destroy_buffer(buffer, None);
         raw.free_memory(memory, None);
         raw.destroy_device(None);
+    }
+    messages::check().unwrap();
+}
+
+/// Triangles of the caller's on the device: a tree over them, made better, and followed from frame to frame, and nothing of them passes through the host.
+#[test]
+fn a_tree_is_made_over_triangles_where_the_caller_has_them() {
+    if left_out("a_tree_is_made_over_triangles_where_the_caller_has_them") {
+        return;
+    }
+    let caller = Caller::new();
+    let (n, settings) = (2_000, PrbvhSettings::default());
+    let frames = [random_triangles(n), random_triangles(n).into_iter().rev().collect::<Vec<_>>()];
+    let made = |device: &mut dyn Device, input: Input<'_>| {
+        let (tree, _) = lbvh(device, input, MortonBits::default()).unwrap();
+        prbvh(device, &tree, &settings, &mut |_, _, _| ControlFlow::Continue(())).unwrap();
+        let nodes = tree.download(device).unwrap();
+        tree.free(device);
+        Bvh::from_device(&nodes).unwrap()
+    };
+    let mut cpu = CpuDevice::new(0).unwrap();
+    let native = made(&mut cpu, Input::from(&frames[0]));
+    let mut moving = Reoptimizer::new(&mut cpu, &native, &frames[0]).unwrap();
+    moving.refit(&frames[1]).unwrap();
+    let native_moved = tree_hash(&moving.tree().unwrap());
+    drop(moving);
+
+    let bytes = size_of_val(&frames[0][..]) as u64;
+    let (buffer, memory) = caller.buffer(bytes);
+    // SAFETY: the handles are what they say and outlive the device; nobody else uses the queue.
+    let mut device = unsafe { VulkanDevice::from_raw(caller.raw.clone()) }.unwrap();
+    // SAFETY: the buffer is as long, and used here only.
+    let triangles = unsafe { device.adopt("of the caller", (buffer, 0), n, size_of::<Triangle>()) }.unwrap();
+    device.upload(&triangles, bytemuck::cast_slice(&frames[0])).unwrap();
+    let before = device.traffic();
+    let (tree, _) = lbvh(&mut device, &triangles, MortonBits::default()).unwrap();
+    let traffic = device.traffic().since(before);
+    assert_eq!((traffic.submissions, traffic.bytes_in), (2, 0));
+    tree.free(&mut device);
+    let found = made(&mut device, Input::from(&triangles));
+    assert_eq!(tree_hash(&found), tree_hash(&native));
+    assert_eq!(device.memory().bytes, 0, "what the builder had is gone, what the caller has does not count");
+
+    let mut moving = Reoptimizer::new(&mut device as &mut dyn Device, &found, &frames[0]).unwrap();
+    moving.device().upload(&triangles, bytemuck::cast_slice(&frames[1])).unwrap();
+    let before = moving.device().traffic();
+    moving.refit_on_device(&triangles).unwrap();
+    let traffic = moving.device().traffic().since(before);
+    assert_eq!((traffic.submissions, traffic.bytes_in), (1, 0));
+    assert_eq!(tree_hash(&moving.tree().unwrap()), native_moved);
+
+    // What is no good is named, and is still there.
+    let far = Triangle { a: [1e30; 3], ..frames[1][0] };
+    moving.device().upload(&triangles, bytemuck::bytes_of(&far)).unwrap();
+    assert!(moving.refit_on_device(&triangles).unwrap_err().to_string().contains("out of the range"));
+    drop(moving);
+    let refused = |device: &mut VulkanDevice, buffer: &Buffer| {
+        lbvh(device, buffer, MortonBits::default()).unwrap_err().to_string()
+    };
+    assert!(refused(&mut device, &triangles).contains("out of the range"));
+    // SAFETY: as above.
+    let words = unsafe { device.adopt("words", (buffer, 0), n, 4) }.unwrap();
+    assert_eq!(refused(&mut device, &words), "buffer words: its elements have 4 bytes, but triangles have 36");
+    device.free(triangles.clone());
+    assert!(refused(&mut device, &triangles).contains("no longer, a buffer of this device"));
+    assert_eq!(device.memory().bytes, 0);
+    device.close().unwrap();
+    // SAFETY: all are of this device, at rest, and used no more.
+    unsafe {
+        caller.raw.device.destroy_buffer(buffer, None);
+        caller.raw.device.free_memory(memory, None);
+        caller.raw.device.destroy_device(None);
     }
     messages::check().unwrap();
 }

@@ -2,6 +2,7 @@
 
 mod external;
 mod pipeline;
+mod ring;
 mod traffic;
 
 use super::*;
@@ -87,7 +88,7 @@ fn bytes_come_back_as_they_went() {
     }
     on_each_access(|device| {
         let mut random = random(1);
-        // The last is longer than the staging buffer.
+        // The last is longer than all that is kept for bytes on their way.
         for length in [0, 1, 3, 4, 5, 63, 65_537, (64 << 20) + 5] {
             let buffer = device.allocate("bytes", length, 1).unwrap();
             assert!(content::<u8>(device, &buffer).iter().all(|&byte| byte == 0), "{length} bytes are not zeroed");

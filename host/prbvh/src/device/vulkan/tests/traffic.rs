@@ -7,6 +7,7 @@ use crate::device::cpu::CpuDevice;
 use crate::device::{Command, DeviceKind};
 use crate::optimize::{Order, PrbvhSettings, measure_unchecked, prbvh_unchecked};
 use crate::pipeline::{Settings, optimize};
+use crate::presplit::{PresplitSettings, presplit};
 use crate::scene::Scene;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -93,7 +94,7 @@ struct Method {
 const METHODS: &[Method] = &[
     Method {
         name: "lbvh",
-        most: 2,
+        most: 1,
         run: |device, triangles, _| {
             let (tree, _) = build::lbvh(device, triangles, MortonBits::default()).unwrap();
             tree.free(device);
@@ -101,7 +102,7 @@ const METHODS: &[Method] = &[
     },
     Method {
         name: "ploc",
-        most: 10,
+        most: 9,
         run: |device, triangles, _| {
             let (tree, _, _) = build::ploc(device, triangles, MortonBits::default(), build::DEFAULT_RADIUS).unwrap();
             tree.free(device);
@@ -109,7 +110,7 @@ const METHODS: &[Method] = &[
     },
     Method {
         name: "hploc",
-        most: 4,
+        most: 3,
         run: |device, triangles, _| {
             let radius = build::DEFAULT_HPLOC_RADIUS;
             let (tree, _) = build::hploc(device, triangles, MortonBits::default(), radius).unwrap();
@@ -119,12 +120,36 @@ const METHODS: &[Method] = &[
     #[cfg(feature = "atrbvh")]
     Method {
         name: "atrbvh",
-        most: 18,
+        most: 17,
         run: |device, triangles, _| {
             let size = build::TreeletSize::DEFAULT;
             let (tree, _, _) = build::atrbvh(device, triangles, MortonBits::default(), size).unwrap();
             tree.free(device);
         },
+    },
+    #[cfg(feature = "atrbvh")]
+    Method {
+        name: "trbvh",
+        most: 11,
+        run: |device, triangles, _| {
+            let passes = build::DEFAULT_PASSES;
+            let (tree, _, _) = build::trbvh(device, triangles, MortonBits::default(), passes).unwrap();
+            tree.free(device);
+        },
+    },
+    Method {
+        name: "k-means",
+        most: 11,
+        run: |device, triangles, _| {
+            let settings = build::KMeansSettings::default();
+            let (tree, _) = build::kmeans(device, triangles, MortonBits::default(), &settings).unwrap();
+            tree.free(device);
+        },
+    },
+    Method {
+        name: "presplit",
+        most: 18,
+        run: |device, triangles, _| drop(presplit(device, triangles, &PresplitSettings::default()).unwrap()),
     },
     Method { name: "worst first", most: 20, run: |device, _, tree| prbvh(device, tree, Order::WorstFirst) },
     Method { name: "published order", most: 6, run: |device, _, tree| prbvh(device, tree, Order::Published) },
@@ -149,21 +174,59 @@ fn no_method_speaks_often_with_a_gpu() {
     if left_out("no_method_speaks_often_with_a_gpu") {
         return;
     }
-    let device = open(options(Access::Never));
-    let info = DeviceInfo { kind: DeviceKind::VulkanGpu, busy_invocations: 1 << 18, ..Device::info(&device).clone() };
-    let mut device = AsGpu(device, info, BTreeMap::new());
-    let triangles = scene().triangles;
-    println!("| | submissions | dispatches | KB in | KB out |");
-    for Method { name, most, run } in METHODS {
-        let (tree, _) = build::lbvh(&mut device, &triangles, MortonBits::default()).unwrap();
-        let before = device.traffic();
-        run(&mut device, &triangles, &tree);
-        let Traffic { submissions, dispatches, bytes_in, bytes_out, .. } = device.traffic().since(before);
-        println!("| {name} | {submissions} | {dispatches} | {} | {} |", bytes_in / 1000, bytes_out / 1000);
-        assert!(submissions <= *most, "{name}: {submissions} submissions");
-        tree.free(&mut device);
+    let mut device = large_gpu(options(Access::Never));
+    for (method, traffic) in table(&mut device, TRIANGLES) {
+        assert!(traffic.submissions <= method.most, "{}: {traffic:?}", method.name);
     }
     device.0.close().unwrap();
+}
+
+/// The tables of docs/performance.md that this test does not check: `cargo test -p prbvh --lib -- --ignored --nocapture tables_of_traffic`.
+#[test]
+#[ignore = "prints tables; minutes"]
+fn tables_of_traffic() {
+    let mut device = large_gpu(Options { validate: false, ..options(Access::Never) });
+    for triangles in [TRIANGLES, 250_000] {
+        println!("\nbuilt-in scene, {triangles} triangles\n");
+        table(&mut device, triangles);
+    }
+    println!("\ndispatches by kernel, {TRIANGLES} triangles\n");
+    for order in [Order::WorstFirst, Order::Published] {
+        let (tree, _) = build::lbvh(&mut device, &scene().triangles, MortonBits::default()).unwrap();
+        device.2.clear();
+        prbvh(&mut device, &tree, order);
+        tree.free(&mut device);
+        let mut kernels: Vec<_> = device.2.iter().map(|(kernel, count)| (*count, kernel.info().name)).collect();
+        kernels.sort_by(|a, b| b.cmp(a));
+        let list: Vec<_> = kernels.iter().map(|(count, name)| format!("`{name}` {count}")).collect();
+        println!("| {order} | {} |", list.join(", "));
+    }
+}
+
+/// A GPU of many invocations.
+fn large_gpu(options: Options) -> AsGpu {
+    let device = open(options);
+    let info = DeviceInfo { kind: DeviceKind::VulkanGpu, busy_invocations: 1 << 18, ..Device::info(&device).clone() };
+    AsGpu(device, info, BTreeMap::new())
+}
+
+/// Prints what each method asks of a device, and returns it.
+fn table(device: &mut AsGpu, triangles: usize) -> Vec<(&'static Method, Traffic)> {
+    let triangles = crate::scene::built_in(triangles).triangles;
+    println!("| | submissions | pieces ahead | dispatches | KB in | KB out |");
+    println!("|---|--:|--:|--:|--:|--:|");
+    let count = |method: &'static Method| {
+        let (tree, _) = build::lbvh(device, &triangles, MortonBits::default()).unwrap();
+        let before = device.traffic();
+        (method.run)(device, &triangles, &tree);
+        let traffic = device.traffic().since(before);
+        let Traffic { submissions, ahead, dispatches, bytes_in, bytes_out, .. } = traffic;
+        let (kb_in, kb_out) = (bytes_in / 1000, bytes_out / 1000);
+        println!("| {} | {submissions} | {ahead} | {dispatches} | {kb_in} | {kb_out} |", method.name);
+        tree.free(device);
+        (method, traffic)
+    };
+    METHODS.iter().map(count).collect()
 }
 
 #[test]
