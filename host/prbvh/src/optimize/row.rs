@@ -12,7 +12,7 @@ pub struct IterationRow {
     pub mu: u32,
     /// Wall time since the start of the optimisation, seconds.
     pub time_s: f64,
-    /// Time on the device since the start of the optimisation, seconds.
+    /// Time on the device since the start of the optimisation, seconds; new tops, which a CPU makes, are in it where the device is the CPU.
     pub device_s: f64,
     /// SAH cost after the iteration, one triangle per leaf, from f32 areas; unitless.
     pub cost: f64,
