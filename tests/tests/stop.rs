@@ -11,7 +11,7 @@ use prbvh::stop::Stop;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-/// Runs after an end was asked for: the best tree is brought back and read. A new top that goes on has more.
+/// Runs after an end was asked for: the best tree is brought back and read.
 const MOST_RUNS: usize = 12;
 
 /// A device that asks for an end once it has run so many recordings with a command of a label.
@@ -58,7 +58,7 @@ fn a_run_ends_soon_wherever_it_is() {
     let worst_first = PrbvhSettings::default();
     assert_eq!(worst_first.order, Order::WorstFirst);
     let go_on = &mut |_: &IterationRow| ControlFlow::Continue(());
-    // Within a new top, too: each is read once.
+    // Before the contenders of a new top, too: each top is read once.
     let cases = [
         (&published, "search", 3),
         (&worst_first, "search", 3),

@@ -57,7 +57,7 @@ pub struct RunReport {
     pub time_s: f64,
     /// Hash of the tree handed out ([`prbvh::bvh::tree_hash`]).
     pub tree_hash: String,
-    /// Time on the device by kind of work, the longest first.
+    /// Time on the device by kind of work, the longest first; new tops are the CPU's work.
     pub phases: Vec<Phase>,
     /// Wall time of the initial tree, seconds.
     pub build_s: f64,

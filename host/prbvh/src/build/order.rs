@@ -3,7 +3,7 @@
 use super::codes::{Codes, MortonBits, morton_params};
 use super::sort::Sorter;
 use super::{Input, Scratch, check_limits};
-use crate::device::{Buffer, Device, DeviceError, Recording, Timing};
+use crate::device::{Buffer, Device, DeviceError, DeviceKind, Recording, Timing};
 use crate::scene::SafeRange;
 use bytemuck::Zeroable;
 use prbvh_kernel::aabb::Aabb;
@@ -13,6 +13,8 @@ use prbvh_kernel::sort::GatherParams;
 use prbvh_kernel::{Kernel, grid};
 use rayon::prelude::*;
 use std::time::Instant;
+
+const EVERYWHERE: Aabb = Aabb { min: [f32::NEG_INFINITY; 3], max: [f32::INFINITY; 3] };
 
 /// Boxes that are worth a thread.
 const AT_ONCE: usize = 1 << 12;
@@ -104,7 +106,9 @@ fn upload_boxes(
         let from = &triangles[first / size_of::<Aabb>()..][..piece.len()];
         let write = |(to, triangle): (&mut Aabb, &Triangle)| {
             *to = triangle.aabb();
-            *to
+            // A box passes over a corner that is no number, depending on which: it is to be found out of range.
+            let sum: f32 = [triangle.a, triangle.b, triangle.c].as_flattened().iter().map(|x| x.abs()).sum();
+            if sum < f32::INFINITY { *to } else { EVERYWHERE }
         };
         // Of equal bounds the union takes the later: however it is cut, the bits are the same.
         let united =
@@ -113,7 +117,9 @@ fn upload_boxes(
     })?;
     // A device that only counts wants no bytes.
     let scene_box = scene_box.unwrap_or_else(Aabb::zeroed);
-    Ok((scene_box, vec![Timing { label: "setup", seconds: start.elapsed().as_secs_f64() }]))
+    let timing = Timing { label: "setup", seconds: start.elapsed().as_secs_f64() };
+    // What the host does beside a GPU is no time of the device.
+    Ok((scene_box, Vec::from_iter((device.info().kind == DeviceKind::Cpu).then_some(timing))))
 }
 
 /// Boxes of triangles on the device, and the scene's.
@@ -177,6 +183,28 @@ fn record_codes(
             let sorted_low = sorter.spare_words().clone();
             recording.dispatch("sort", Kernel::SortGather, n, &gather, &[order, &low, &sorted_low]);
             Ok((keys, sorted_low))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::lbvh;
+    use crate::device::cpu::CpuDevice;
+    use crate::scene::built_in;
+
+    #[test]
+    fn a_corner_that_is_no_number_is_out_of_range_wherever_it_is() {
+        let triangles = built_in(100).triangles;
+        for (place, corner) in [(0, 0), (50, 1), (50, 2), (99, 2)] {
+            for bad in [f32::NAN, f32::INFINITY] {
+                let mut triangles = triangles.clone();
+                let Triangle { a, b, c } = &mut triangles[place];
+                [a, b, c][corner][1] = bad;
+                let refused = lbvh(&mut CpuDevice::new(2).unwrap(), &triangles, MortonBits::default());
+                assert!(matches!(refused, Err(DeviceError::Range(_))), "{place} {corner} {bad}");
+            }
         }
     }
 }

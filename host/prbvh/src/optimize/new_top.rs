@@ -132,17 +132,15 @@ impl Top {
         device: &dyn Device,
         settings: &PrbvhSettings,
     ) -> Result<[Contender; 2], DeviceError> {
-        let max_time = settings.limits.max_time.map(|limit| limit.saturating_sub(session.elapsed()));
+        let left = settings.limits.max_time.map(|limit| limit.saturating_sub(session.elapsed()));
+        let until = left.and_then(|left| Instant::now().checked_add(left));
+        let stop = settings.limits.stop.clone();
         let settings = PrbvhSettings {
             worst_first: settings.worst_first,
-            limits: Limits {
-                max_time,
-                stop: settings.limits.stop.clone(),
-                ..Limits::iterations(settings.limits.max_iterations)
-            },
+            limits: Limits { stop, ..Limits::iterations(settings.limits.max_iterations) },
             ..PrbvhSettings::default()
         };
-        contenders(device, &self.triangles, &settings)
+        contenders(device, &self.triangles, &settings, until)
     }
 
     /// The children that the nodes of the top have in another one.

@@ -67,7 +67,7 @@ pub(super) struct Search {
 }
 
 /// The best place of `child` in the tree without the input and its parent, but with `other`, if that has a place, and its value; the value
-/// is [`Search::most`] less the area that the insertion adds. The walk is the one of [`super::super::search`], with the boxes that ancestors
+/// is [`Search::most`] less the area that the insertion adds. The walk is a [`Walk`], with the boxes that ancestors
 /// have without the input. The output is the input's parent for the new parent of `other`.
 #[inline(always)]
 pub(super) fn best_place<const HAS_OTHER: bool, T: WholeNodes + ?Sized>(

@@ -82,7 +82,8 @@ impl VulkanDevice {
         self.buffers.adopt(label, (buffer, offset), length, element_bytes)
     }
 
-    /// The next work on the queue starts after a semaphore: a binary one with value 0, or a timeline semaphore that has reached `value`.
+    /// The next work on the queue starts after a semaphore: a binary one with value 0, or a timeline semaphore that has reached `value`. An upload of more than 4 MiB
+    /// is work as well, and waits for its end: what is to be signalled after it must be so from another thread.
     ///
     /// # Safety
     /// The semaphore is of this device and lives until the next work has ended; somebody signals it.

@@ -66,7 +66,7 @@ impl Purpose {
     }
 }
 
-/// A buffer and its memory. The device must be at rest while the host touches either, which holds between submissions.
+/// A buffer and its memory. No work under way may use it while the host touches either: so it is between submissions, and of a [ring](super::ring) while a slot has landed.
 pub(super) struct Allocation {
     // Declared before the memory, because a buffer ends before its memory.
     buffer: Handle,
@@ -210,7 +210,7 @@ impl Allocation {
     /// The content, where the host can reach it. The device must have written it before, if only zeros.
     pub(super) fn mapped(&mut self) -> Option<&mut [u8]> {
         let length = usize::try_from(self.bytes).ok()?;
-        // SAFETY: the mapping covers the buffer, its bytes were written before, and the device is at rest for as long as
+        // SAFETY: the mapping covers the buffer, its bytes were written before, and no work under way uses it for as long as
         // `self` is borrowed.
         self.mapping.map(|start| unsafe { std::slice::from_raw_parts_mut(start.as_ptr(), length) })
     }

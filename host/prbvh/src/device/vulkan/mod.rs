@@ -187,10 +187,15 @@ impl VulkanDevice {
         }
         let Range { buffer, offset, bytes: all } = allocation.range();
         // Nobody sees what was to be there before; the words of a buffer that ends within one are zeroed as a whole.
-        if allocation.is_own() && bytes as u64 == all && bytes.is_multiple_of(4) {
+        let is_whole = allocation.is_own() && bytes as u64 == all && bytes.is_multiple_of(4);
+        if is_whole {
             self.submitter.forget(buffer);
         }
-        self.staging.upload(&mut self.submitter, (buffer, offset), (bytes, element), fill)
+        let done = self.staging.upload(&mut self.submitter, (buffer, offset), (bytes, element), fill);
+        if is_whole && done.is_err() {
+            self.submitter.zero_first(buffer)?;
+        }
+        done
     }
 
     fn copy_out(&mut self, buffer: &Buffer, first: usize, bytes: &mut [u8]) -> Result<(), DeviceError> {
@@ -231,9 +236,11 @@ impl Device for VulkanDevice {
 
     fn free(&mut self, buffer: Buffer) {
         if let Ok(allocation) = self.buffers.find(&buffer) {
-            // A buffer of the caller's stays, and has its bytes.
             if allocation.is_own() {
                 self.submitter.forget(allocation.buffer());
+            } else {
+                // The caller's may be gone before the next work. What fails here ends that, too.
+                let _ = self.submitter.flush();
             }
             self.runner.forget_fetched();
         }

@@ -71,9 +71,8 @@ impl Ring {
                 flight.submitter.copy_first(window.buffer(), to, region)?;
             }
         }
-        (0..SLOTS).try_for_each(|slot| flight.land(slot))?;
         self.since = flight.submitter.submissions();
-        Ok(())
+        (0..SLOTS).try_for_each(|slot| flight.land(slot))
     }
 }
 

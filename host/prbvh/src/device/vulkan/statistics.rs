@@ -8,7 +8,7 @@ use super::logical::LogicalDevice;
 use super::pipeline::KernelPipeline;
 use super::selection::select;
 use super::{messages, needs_atomics_64};
-use crate::device::{DeviceError, Selection};
+use crate::device::{DeviceError, DeviceInfo, Selection};
 use ash::{khr, vk};
 use prbvh_kernel::Kernel;
 use rayon::prelude::*;
@@ -87,8 +87,14 @@ pub fn kernel_statistics(selection: Selection, validate: bool) -> Result<Vec<Ker
         messages::check()?;
         Ok(KernelStatistics { kernel: kernel.info().name, executables: executables? })
     };
-    let is_possible = |kernel: &&Kernel| device.atomics_64() || !needs_atomics_64(**kernel);
+    let info = device.physical().info(device.atomics_64());
+    let is_possible = |kernel: &&Kernel| is_possible(&info, **kernel);
     Kernel::ALL.par_iter().filter(is_possible).map(statistics).collect()
+}
+
+/// Whether a device can run a kernel.
+fn is_possible(info: &DeviceInfo, kernel: Kernel) -> bool {
+    kernel.info().bindings.len() <= info.kernel_buffers as usize && (info.atomics_64 || !needs_atomics_64(kernel))
 }
 
 /// Of a pipeline that captured its statistics.

@@ -185,6 +185,7 @@ impl Submitter {
 
     /// Waits for the end of commands that were submitted.
     pub(super) fn wait(&self, commands: &Commands) -> Result<(), DeviceError> {
+        self.check()?;
         let fences = [commands.fence()];
         let mut waited = Duration::ZERO;
         loop {
