@@ -50,7 +50,7 @@ pub(super) struct Made {
     pub(super) hash: String,
     /// Wall time from the triangles, seconds.
     pub(super) wall_s: f64,
-    /// Of it, time of the kernels, seconds.
+    /// Of it, time of the kernels, seconds, without those of new tops.
     pub(super) device_s: Option<f64>,
     /// Most bytes of device buffers.
     pub(super) bytes: Option<u64>,

@@ -173,7 +173,7 @@ pub enum DeviceKind {
     VulkanCpu,
 }
 
-/// How long a command took.
+/// How long a command took. Of commands of one label in a row a device may time the last one alone, for all of them.
 #[derive(Clone, Copy, Debug)]
 pub struct Timing {
     /// The command's label.

@@ -70,7 +70,8 @@ impl Runner {
         &self.pipelines
     }
 
-    /// Runs the commands one after another. Returns how long each took.
+    /// Runs the commands one after another. Returns how long they took: of those of one label in a row the last has the time of all, since a timestamp is one more
+    /// thing for a GPU to do between two short dispatches.
     pub(super) fn run(
         &mut self,
         submitter: &mut Submitter,
@@ -90,7 +91,8 @@ impl Runner {
         let steps: Vec<_> =
             commands.iter().map(|(_, command)| self.step(buffers, command, &mut bindings)).collect::<Result<_, _>>()?;
         let sets = self.sets.make(&bindings)?;
-        let stamps = steps.len() as u32 + 1;
+        let is_last = |k: usize| commands.get(k + 1).is_none_or(|(next, _)| *next != commands[k].0);
+        let stamps = 1 + (0..steps.len()).filter(|&k| is_last(k)).count() as u32;
         if let Some(timestamps) = &mut self.timestamps {
             timestamps.reserve(stamps)?;
         }
@@ -100,13 +102,17 @@ impl Runner {
             if let Some(timestamps) = timestamps {
                 timestamps.begin(device, commands, stamps);
             }
-            for (stamp, step) in (1..).zip(&steps) {
-                if stamp > 1 {
+            let mut stamp = 0;
+            for (k, step) in steps.iter().enumerate() {
+                if k > 0 && !matches!(step, Step::Nothing) {
                     barrier_between(device, commands);
                 }
                 step.record(device, commands, &sets);
-                if let Some(timestamps) = timestamps {
-                    timestamps.take(device, commands, stamp);
+                if is_last(k) {
+                    stamp += 1;
+                    if let Some(timestamps) = timestamps {
+                        timestamps.take(device, commands, stamp);
+                    }
                 }
             }
         });
@@ -117,9 +123,11 @@ impl Runner {
 
         let seconds = match timestamps {
             Some(timestamps) => timestamps.seconds(stamps)?,
-            None => vec![0.0; steps.len()],
+            None => Vec::new(),
         };
-        Ok(commands.iter().zip(seconds).map(|(&(label, _), seconds)| Timing { label, seconds }).collect())
+        let mut seconds = seconds.into_iter();
+        let mut timing = |k: usize| is_last(k).then(|| seconds.next()).flatten().unwrap_or(0.0);
+        Ok((0..commands.len()).map(|k| Timing { label: commands[k].0, seconds: timing(k) }).collect())
     }
 
     fn step<'a>(

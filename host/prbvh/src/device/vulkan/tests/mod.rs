@@ -190,8 +190,9 @@ fn commands_run_in_order() {
 
         let mut recording = Recording::new();
         // More commands than the first pools of sets and timestamps hold.
-        for _ in 0..300 {
-            recording.dispatch("turn", Kernel::SortGather, 1000, &GatherParams { count: 1000 }, &[&order, &from, &to]);
+        for k in 0..300 {
+            let label = ["there", "there", "back"][k % 3];
+            recording.dispatch(label, Kernel::SortGather, 1000, &GatherParams { count: 1000 }, &[&order, &from, &to]);
             std::mem::swap(&mut from, &mut to);
         }
         recording.copy("copy", &from, &copy);
@@ -207,6 +208,10 @@ fn commands_run_in_order() {
             let timings = device.run(&recording).unwrap();
             assert_eq!(timings.len(), 307);
             assert_eq!(timings[305].label, "none");
+            // Two of one label in a row are timed together.
+            let [first, second, third] = [0, 1, 2].map(|k| timings[k].seconds);
+            let keeps_time = device.device.physical().timestamp_bits > 0;
+            assert!(first == 0.0 && [second, third].map(|s| s > 0.0) == [keeps_time; 2], "{first} {second} {third}");
             let expected: Vec<u32> = (0..1000).map(|k| (k + turns) % 1000 + 1).collect();
             assert!(content::<u32>(device, &copy) == expected, "after {turns} turns");
             for zero in [&from, &cleared] {
