@@ -77,7 +77,10 @@ pub fn best_output<T: WholeNodes + ?Sized>(
     let mut done = false;
     let mut steps = 0;
 
-    while !done && steps < MAX_STEPS {
+    // Of a tree a step has one look on the way up and two for a pivot at most; what is none may have no end.
+    let mut looks = 4 * MAX_STEPS;
+    while !done && steps < MAX_STEPS && looks > 0 {
+        looks -= 1;
         let v = walk.v;
         let node = nodes.whole(v);
         let own_area = node.aabb().half_area();
@@ -115,7 +118,7 @@ pub fn best_output<T: WholeNodes + ?Sized>(
             walk.climb();
         }
     }
-    // Neither at the end nor at the bound: the device cut the loop short.
+    // Neither at the end nor at the bound: the device cut the loop short, or this is no tree.
     if !done && steps < MAX_STEPS {
         status::raise(report, params.row, FAULT_SEARCH_STEPS);
     }
@@ -177,4 +180,26 @@ pub fn checked_area_decrease<T: WholeNodes + ?Sized>(input: u32, output: u32, pi
 
     let total = (parent_area - output_area) + (decrease - increase);
     if loop_free && total > RELATIVE_THRESHOLD * magnitude { total } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::node::{Node, RIGHT};
+    use crate::status::{FAULTS, REPORT_WORDS};
+
+    #[test]
+    fn a_walk_that_comes_back_to_itself_ends_with_a_fault() {
+        let node = |size: f32, up: u32, down: u32| Node { min: [0.0; 3], up, max: [size; 3], down };
+        let params = PrbvhParams::every(1, 0, 5);
+        // The root has the leaf 2 and the node 1, which has the leaves 3 and 4.
+        for (up_of_4, faults) in [(1 | RIGHT, 0), (4 | RIGHT, FAULT_SEARCH_STEPS)] {
+            let one = node(1.0, ROOT | RIGHT, 3);
+            let nodes = [node(9.0, NO_NODE, 2), one, node(1.0, 1, 0), node(1.0, 4, 1), node(1.0, up_of_4, 2)];
+            let mut words = [0u32; REPORT_WORDS as usize];
+            let report = AtomicU32::from_mut_slice(&mut words);
+            let _ = best_output(2, &params, nodes.as_slice(), report);
+            assert_eq!(report[FAULTS].load(), faults);
+        }
+    }
 }
