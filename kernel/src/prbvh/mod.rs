@@ -59,6 +59,7 @@ pub mod group;
 pub mod lock;
 pub mod paths;
 pub mod reinsert;
+mod rounds;
 pub mod search;
 pub mod topology;
 mod walk;

@@ -9,6 +9,7 @@
 //! no candidates. As published those can never win; evaluated exactly they did, and the final cost on six scenes changed by
 //! -0.1 % to +0.5 %, so they are left out.
 
+use super::rounds::Rounds;
 use super::walk::Walk;
 use super::{Move, PrbvhParams};
 use crate::aabb::Aabb;
@@ -75,12 +76,10 @@ pub fn best_output<T: WholeNodes + ?Sized>(
     let mut d_pivot = 0.0f32;
     let mut d = 0.0f32;
     let mut done = false;
-    let mut steps = 0;
 
     // Of a tree a step has one look on the way up and two for a pivot at most; what is none may have no end.
-    let mut looks = 4 * MAX_STEPS;
-    while !done && steps < MAX_STEPS && looks > 0 {
-        looks -= 1;
+    let mut rounds = Rounds { left: 4 * MAX_STEPS, visits: 0 };
+    while !done && rounds.visits < MAX_STEPS && rounds.next() {
         let v = walk.v;
         let node = nodes.whole(v);
         let own_area = node.aabb().half_area();
@@ -93,7 +92,7 @@ pub fn best_output<T: WholeNodes + ?Sized>(
         }
         let area = node.aabb().union(input_box).half_area();
         if walk.enters(&node) {
-            steps += 1;
+            rounds.visits += 1;
             if v != sibling {
                 let decrease = d + (parent_area - area);
                 if decrease > best {
@@ -119,11 +118,11 @@ pub fn best_output<T: WholeNodes + ?Sized>(
         }
     }
     // Neither at the end nor at the bound: the device cut the loop short, or this is no tree.
-    if !done && steps < MAX_STEPS {
+    if !done && rounds.visits < MAX_STEPS {
         status::raise(report, params.row, FAULT_SEARCH_STEPS);
     }
-    status::raise_most(report, params.row, MOST_STEPS, steps);
-    status::count(report, params.row, VISITS, steps);
+    status::raise_most(report, params.row, MOST_STEPS, rounds.visits);
+    status::count(report, params.row, VISITS, rounds.visits);
     (output, output_top, best)
 }
 

@@ -4,7 +4,7 @@ use super::codes::{Codes, MortonBits, morton_params};
 use super::sort::Sorter;
 use super::{Input, Scratch, check_limits};
 use crate::device::{Buffer, Device, DeviceError, DeviceKind, Recording, Timing};
-use crate::scene::SafeRange;
+use crate::scene::{SafeRange, is_finite};
 use bytemuck::Zeroable;
 use prbvh_kernel::aabb::Aabb;
 use prbvh_kernel::lbvh::{HierarchyParams, LeavesParams};
@@ -107,8 +107,7 @@ fn upload_boxes(
         let write = |(to, triangle): (&mut Aabb, &Triangle)| {
             *to = triangle.aabb();
             // A box passes over a corner that is no number, depending on which: it is to be found out of range.
-            let sum: f32 = [triangle.a, triangle.b, triangle.c].as_flattened().iter().map(|x| x.abs()).sum();
-            if sum < f32::INFINITY { *to } else { EVERYWHERE }
+            if is_finite(triangle) { *to } else { EVERYWHERE }
         };
         // Of equal bounds the union takes the later: however it is cut, the bits are the same.
         let united =

@@ -137,7 +137,7 @@ pub fn built_in(triangles: usize) -> Scene {
     }
 }
 
-fn is_finite(t: &Triangle) -> bool {
+pub(crate) fn is_finite(t: &Triangle) -> bool {
     t.a.iter().chain(&t.b).chain(&t.c).all(|x| x.is_finite())
 }
 

@@ -1,9 +1,9 @@
 //! What a dual reinsertion gains, from its definition.
 
 use super::place::Placed;
-use super::rounds::Rounds;
 use crate::aabb::Aabb;
 use crate::node::WholeNodes;
+use crate::prbvh::rounds::Rounds;
 use crate::prbvh::search::RELATIVE_THRESHOLD;
 
 /// Sums of areas.

@@ -31,7 +31,6 @@
 
 mod gain;
 mod place;
-mod rounds;
 pub mod search;
 mod way;
 

@@ -1,10 +1,10 @@
 //! Where a child of a dissolved node costs least.
 
-use super::rounds::Rounds;
 use super::way::{Stand, Way};
 use crate::aabb::Aabb;
 use crate::mem::AtomicU32;
 use crate::node::{NO_NODE, RIGHT, ROOT, WholeNodes};
+use crate::prbvh::rounds::Rounds;
 use crate::prbvh::walk::Walk;
 use crate::status::{self, FAULT_SEARCH_STEPS};
 

@@ -6,11 +6,11 @@
 
 use super::gain::checked_area_decrease;
 use super::place::{Placed, Search, best_place};
-use super::rounds::Rounds;
 use crate::aabb::Aabb;
 use crate::mem::AtomicU32;
 use crate::node::{NO_NODE, RIGHT, ROOT, WholeNodes};
 use crate::prbvh::Move;
+use crate::prbvh::rounds::Rounds;
 use crate::status::{self, FOUND, MOST_STEPS, VISITS};
 use bytemuck::{Pod, Zeroable};
 

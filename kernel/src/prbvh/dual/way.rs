@@ -1,8 +1,8 @@
 //! Which nodes of a walk have a place below them, without a walk up from that place for each.
 
-use super::rounds::Rounds;
 use crate::math::select;
 use crate::node::{Links, RIGHT};
+use crate::prbvh::rounds::Rounds;
 
 /// Levels of a way that are kept, from the top: more than the trees of scenes have.
 const LEVELS: u32 = 64;
